@@ -1085,7 +1085,7 @@ def spectrum(
 
     A packing has thousands of modes, the spectrum of a sweep a few tens: nodes of a quadrature that gives G* to the
     accuracy of the sweep. H(τ) is therefore its mean between neighbouring nodes, averaged over a window. With masses
-    G(t) and J(t) oscillate, and there is no spectrum: the result has these two alone.
+    G(t) and J(t) oscillate, and the result has these two alone, without a spectrum.
 
     Collective.
 

@@ -16,7 +16,7 @@ from jampetsc.options.parameters import FILES, optional_parameter, parameter
 from jampetsc.options.values import RESULT, load_source, refuse_repeated
 
 OSCILLATING = (
-    "with masses, G(t) and J(t) are those of reduced matrices, which are certified at the frequencies swept"
+    "with masses, G(t) and J(t) follow from reduced matrices, which are certified at the frequencies swept"
 )
 HDF5 = (".h5", ".hdf5")  # endings of a file; of a picture: `plots.style.FORMATS`
 
@@ -31,7 +31,7 @@ class Spectrum(Job):
 
     A packing has thousands of modes, the spectrum of a sweep a few tens: nodes of a quadrature that gives G* to the
     accuracy of the sweep. H(τ) is therefore its mean between neighbouring nodes, averaged over a window. With masses
-    G(t) and J(t) oscillate, and there is no spectrum: the result has these two alone.
+    G(t) and J(t) oscillate, and the result has these two alone, without a spectrum.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(
@@ -103,6 +103,10 @@ def _write(sweep, to, window):
     start_time = time.perf_counter()
     slowest, fastest = sweep.frequency_range
     if sweep.has_inertia and "C" not in sweep:
+        if window is not None:
+            raise InputError(
+                f"{named('window')} {window:g}: of H(τ), which a sweep with masses does not have. Leave it out."
+            )
         response = sweep.reduced_inertia.transient(slowest, fastest)
         notes, summary = [*notes_of_sources([sweep]), OSCILLATING], _summary_with_inertia(to, response)
     else:
@@ -142,8 +146,12 @@ def _summary_with_inertia(to, response) -> str:
         f"  J(t) up to {J.max():.6g}, in the end {J[-1]:.6g}",
     ]
     if response.growth_rate:
-        lines.append(f"  G0 < 0: creep diverges as exp({response.growth_rate:.3g} t)")
+        lines.append(_divergence(response.growth_rate))
     return "\n".join(lines)
+
+
+def _divergence(rate) -> str:
+    return f"  G0 < 0: creep diverges as exp({rate:.3g} t)"
 
 
 def _summary(to, response) -> str:
@@ -158,7 +166,7 @@ def _summary(to, response) -> str:
         f"G(t -> inf) = {spectrum.G0:.6g}, eta0 = {spectrum.eta0:.6g}"
     )
     if late.growth_rate:
-        lines.append(f"  G0 < 0: creep diverges as exp({late.growth_rate:.3g} t)")
+        lines.append(_divergence(late.growth_rate))
     elif late.fluidity:
         lines.append(f"  G0 = 0: it flows in the end, J(t) -> {late.fluidity:.6g} t")
     else:

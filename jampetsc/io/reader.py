@@ -179,25 +179,30 @@ class SweepResult(Result):
             raise InputError(
                 f"{self.path}: elastic constants, which have no single spectrum. Give a sweep of one {named('load')}."
             )
-        if "mass" in self.attributes:
-            known = (
-                "Run spectrum for a result, which has its G(t) and J(t)"
-                if self.has_inertia
-                else "Its G(t) is not known either, as frequencies were solved one by one. Sweep fewer high frequencies"
-            )
-            raise InputError(
-                f"{self.path}: a sweep with mass, whose response oscillates and has no relaxation spectrum. {known}."
-            )
         if self.load.probe:
             raise InputError(
                 f"{self.path}: {named('load')} {self.load}, forces, of which no spectrum is stored. Give a sweep of a "
                 "strain."
+            )
+        if "mass" in self.attributes:
+            raise InputError(
+                f"{self.path}: a sweep with mass, whose response oscillates and has no relaxation spectrum. "
+                f"{self._way_to_transient}."
             )
         if "spectrum/rates" not in self:
             raise InputError(f"{self.path}: no spectrum. Run the sweep with {named('method')} rational.")
         return _sound_spectrum(
             self.path, *(self[f"spectrum/{name}"] for name in ("G0", "eta_inf", "rates", "weights"))
         )
+
+    @property
+    def _way_to_transient(self) -> str:
+        """How to get G(t) and J(t) of a sweep with masses, in words."""
+        if self.has_inertia:
+            return "Run spectrum for a result, which has its G(t) and J(t)"
+        if self.attributes["method"] == "rational":
+            return "G(t) needs a sweep without single frequencies. Sweep fewer high frequencies"
+        return f"For G(t) run the sweep with {named('method')} rational"
 
     @property
     def frequency_range(self) -> tuple[float, float]:

@@ -125,6 +125,8 @@ def make_results(folder, comm):
         ("stokes", "q", {"law": jampetsc.StokesDrag()}), ("s64", "many", {}), ("dense", "stiff", {}),
         ("crystal", "x", {}),
         ("lost", "moved", {}), ("t", "p", {"load": "tensor", "fields": None}),
+        ("im", "p", {"mass": 1.0}), ("id", "p", {"mass": 1.0, "method": "direct"}),
+        ("iw", "p", {"mass": 1.0, "load": "wave:1,0:transverse", "fields": None}),
     ):  # fmt: skip
         jampetsc.sweep(folder / f"{packing}.h5", **fields | more, out=folder / f"{name}.h5")
     (folder / "moved.h5").unlink()
