@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from dense import Reference
 
+import jampetsc
 from jampetsc.commands.sweep import Sweep
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.io.reader import collected
@@ -141,6 +142,13 @@ def bridge(dimension=2):
     radii = np.full(len(places), 0.5)
     radii[0] = 0.44
     return Packing.from_positions(places, radii, axes * np.array(shape)[:, None])
+
+
+def wide():
+    """Radii 1 : 30 of a proved minimum, stiffnesses 1 : 900."""
+    radii = np.r_[[15.0] * 4, [0.5] * 12]
+    disks = jampetsc.pack(radii=radii, pressure=1e-3)
+    return disks.replace(potential=Potential(k=3.0, stiffness="inverse-square-diameter"))
 
 
 POTENTIALS = [

@@ -6,8 +6,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import expm
 
+from jampetsc.analysis.transient import MAX_GROWTH
+
 POINTS_PER_OCTAVE = 24  # of times
-MAX_GROWTH = 5.0  # creep that grows is followed for this multiple of its time constant
 STEADY = 1e-6  # growth within all times that is rounding
 
 
@@ -53,11 +54,11 @@ class ReducedInertia:
 
             G(t) = k_γγ + kᵀy(t) + bᵀẏ(t) .
         """
-        system = self._relaxing()
+        system = self.relaxing()
         values = [system.at(at) for at in np.ravel(np.asarray(time, float))]
         return np.array(values).reshape((*np.shape(time), *self.k_gg.shape))
 
-    def _relaxing(self) -> "_LinearSystem":
+    def relaxing(self) -> "LinearSystem":
         """(y, ẏ, γ) after a step of strain."""
         m, loads = len(self.stiffness), len(self.k_gg)
         generator = np.zeros((2 * m + loads,) * 2)
@@ -65,9 +66,9 @@ class ReducedInertia:
         generator[m : 2 * m, :m], generator[m : 2 * m, m : 2 * m] = -np.diag(self.stiffness), -self.damping
         generator[m : 2 * m, 2 * m :] = -self.k.T
         start = np.vstack((np.zeros((m, loads)), -self.b.T, np.eye(loads)))
-        return _LinearSystem(generator, start, np.hstack((self.k, self.b, self.k_gg)))
+        return LinearSystem(generator, start, np.hstack((self.k, self.b, self.k_gg)))
 
-    def _creeping(self) -> "_LinearSystem":
+    def creeping(self) -> "LinearSystem":
         """(y, ẏ, γ, σ) after a step of stress of one load: y obeys ÿ + Bẏ + Ω²y = −kγ − bγ̇, and γ
 
             b_γγ γ̇ + k_γγ γ + kᵀy + bᵀẏ = σ ,
@@ -77,7 +78,7 @@ class ReducedInertia:
         m = len(self.stiffness)
         strain, stress, velocities = 2 * m, 2 * m + 1, slice(m, 2 * m)
         generator = np.zeros((2 * m + 2,) * 2)
-        generator[: strain + 1, : strain + 1] = self._relaxing().generator
+        generator[: strain + 1, : strain + 1] = self.relaxing().generator
         balance = np.concatenate((-self.k[0], -self.b[0], -self.k_gg[0], [1.0]))  # b_γγ γ̇
         if self.b_gg.item() > 0.0:
             generator[strain] = balance / self.b_gg.item()
@@ -88,22 +89,22 @@ class ReducedInertia:
             output[strain] = 0.0
             generator[:, strain] = 0.0
             generator[velocities] -= np.outer(self.k[0], output)
-        return _LinearSystem(generator, np.eye(2 * m + 2)[:, stress:], output[None])
+        return LinearSystem(generator, np.eye(2 * m + 2)[:, stress:], output[None])
 
     def transient(self, slowest: float, fastest: float) -> "OscillatingTransient":
         """G(t) and J(t) of one load for times from 1/fastest to 1/slowest, of frequencies at which G* is known.
 
         Where G₀ < 0 creep diverges, and ends early.
         """
-        first, last, creeping = 1.0 / fastest, 1.0 / slowest, self._creeping()
+        first, last, creeping = 1.0 / fastest, 1.0 / slowest, self.creeping()
         growth = float(np.linalg.eigvals(creeping.generator).real.max())
         growth = growth if growth * last > STEADY else 0.0
         creep = creeping.series(first, max(first, min(last, MAX_GROWTH / growth if growth else last)))
-        return OscillatingTransient(*self._relaxing().series(first, last), *creep, growth)
+        return OscillatingTransient(*self.relaxing().series(first, last), *creep, growth)
 
 
 @dataclass(frozen=True, eq=False)
-class _LinearSystem:
+class LinearSystem:
     """output · x with ẋ = generator · x from x(0) = start."""
 
     generator: np.ndarray  # (n, n)
@@ -116,10 +117,9 @@ class _LinearSystem:
 
     def series(self, first: float, last: float):
         """(times (t,), output (t,)) from `first` to `last`, POINTS_PER_OCTAVE evenly in each doubling of time."""
-        octaves = max(1, int(np.ceil(np.log2(last / first))))
-        edges = np.geomspace(first, last, octaves + 1)
-        times, values, state = [first], [], expm(self.generator * first) @ self.start
-        values.append((self.output @ state).item())
+        edges = np.geomspace(first, last, int(np.ceil(np.log2(last / first))) + 1)
+        state = expm(self.generator * first) @ self.start
+        times, values = [first], [(self.output @ state).item()]
         for low, high in pairwise(edges):
             step = (high - low) / POINTS_PER_OCTAVE
             propagator = expm(self.generator * step)

@@ -33,7 +33,7 @@ MIN_WINDOW = 0.25  # decades; the window of H is never narrower unless requested
 _WINDOW_GAPS = 2.0  # its width in gaps between modes: with two, single modes show by a per cent or less
 # times are shown so far beyond the fastest and the slowest mode; there nothing happens any more
 _TIME_MARGIN = 100.0
-_MAX_GROWTH = 5.0  # creep that grows is followed for this multiple of its time constant
+MAX_GROWTH = 5.0  # creep that grows is followed for this multiple of its time constant
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +190,7 @@ def transient(spectrum: RelaxationSpectrum, slowest: float, fastest: float, wind
         first = min(max(first, 1.0 / (_TIME_MARGIN * rates.max())), last)
         last = max(min(last, _TIME_MARGIN / rates.min()), first)
     time, tau = _grid(first, last), _grid(*_mode_times(first, last, spectrum.rates, window))
-    creep_time = time[time * late.growth_rate <= _MAX_GROWTH]
+    creep_time = time[time * late.growth_rate <= MAX_GROWTH]
     return Transient(
         spectrum=spectrum,
         tau=tau,

@@ -147,7 +147,7 @@ def is_minimum(order, pairs, o, g, potential, stiffness, force):
     A disk with fewer than D + 1 contacts may have curvatures down to that of contacts with a few times this `force`,
     which may be left on it. One that others press between them has lower ones.
     """
-    slack = LOAD_RATIO * force / (pairs.sigma.min() if len(pairs.sigma) else 1.0)
+    slack = LOAD_RATIO * force / pairs.sigma.min(initial=np.inf)
     return factor_of_hessian(order, pairs, o, g, potential, MIN_CURVATURE * stiffness, slack)[0]
 
 

@@ -56,8 +56,7 @@ def translations(pencil):
     moves = np.zeros((len(sizes), dimension, len(own_pieces), dimension))
     for axis in range(dimension):
         moves[own_pieces, axis, np.arange(len(own_pieces)), axis] = 1.0 / np.sqrt(sizes[own_pieces])
-    moves = moves.reshape(dimension * len(sizes), -1)
-    return moves if pencil.mass is None else moves * np.sqrt(pencil.mass.diagonal)
+    return moves.reshape(dimension * len(sizes), -1) / pencil.mass_scale
 
 
 def lowest(pencil, count: int, stiffness: float, excluded=None) -> Eigenpairs:

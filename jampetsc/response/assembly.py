@@ -92,6 +92,11 @@ class Pencil:
         return None if self.mass is None else self.mass.pinned_diagonal
 
     @property
+    def mass_scale(self):
+        """M^(−½), (n_local,), or 1 without masses: displacements φ of ψ = M^(½)φ, see `mass_matrix.mass_weighted`."""
+        return 1.0 if self.mass is None else 1.0 / np.sqrt(self.mass.diagonal)
+
+    @property
     def _projects_translations(self):
         """Whether the fluid alone holds translations, or with masses that share it alike."""
         return self.law.holds_translations and (self.mass is None or self.mass.are_equal)

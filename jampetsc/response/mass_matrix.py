@@ -110,17 +110,17 @@ class MoveCorrection:
 
 
 def mass_weighted(pencil):
-    """(pencil with M^(−½) K M^(−½) for K, M^(−½) (n_local,)); the pencil and 1 without masses. Collective.
+    """A pencil with M^(−½) K M^(−½) for K; the pencil itself without masses. Collective.
 
     Its eigenvectors ψ = M^(½)φ are orthonormal, and have the eigenvalues λ of Kφ = λMφ.
     """
     if pencil.mass is None:
-        return pencil, 1.0
-    K, scale = pencil.K.copy(), 1.0 / np.sqrt(pencil.mass.diagonal)
-    diagonal = K.createVecRight()
-    diagonal.setArray(scale)
-    K.diagonalScale(diagonal, diagonal)
-    return replace(pencil, K=K), scale
+        return pencil
+    K = pencil.K.copy()
+    scale = K.createVecRight()
+    scale.setArray(pencil.mass_scale)
+    K.diagonalScale(scale, scale)
+    return replace(pencil, K=K)
 
 
 def build_mass_matrix(network: DistributedNetwork, law: Law, pieces: Pieces, pins) -> MassMatrix:

@@ -44,7 +44,7 @@ def count_between(network: DistributedNetwork, edges, proved: bool = False) -> M
     Raises InputError for a packing that is not a minimum, for edges that are too low or too high and for an edge at a
     mode, to rounding; ConvergenceError as `ShiftedInertia.count_certified`.
     """
-    pencil, comm = mass_weighted(assemble(network, UNDAMPED, pinned=False))[0], network.comm
+    pencil, comm = mass_weighted(assemble(network, UNDAMPED, pinned=False)), network.comm
     norm = pencil.K.norm(current().PETSc.NormType.INFINITY)  # above all eigenvalues
     low, high = np.sqrt(MIN_VALUE_RATIO * norm), MAX_EDGE_RATIO * np.sqrt(norm)
     for edge in (edges[0], edges[-1]):

@@ -1,7 +1,7 @@
 """Low modes of K: their floppiness, their contribution to the response to a load, and proof that none was missed.
 
 A mode φ of eigenvalue λ moves the contacts by a∥, a⊥ (BT eq. 4): λ = Σ_c [k a∥² − (f/r) a⊥²] with |φ| = 1.
-Masses are one; with those of a network Kφ = λMφ with φᵀMφ = 1, and ψ = M^(½)φ is found, an eigenvector of
+Masses are one; in a network with masses Kφ = λMφ with φᵀMφ = 1, and ψ = M^(½)φ is found, an eigenvector of
 M^(−½)KM^(−½). Floppy modes slide, a⊥ ≫ a∥. The count is certified by Sylvester's law: as many eigenvalues below μ,
 just above the last mode, as LDLᵀ of K − μ has negative pivots.
 
@@ -154,9 +154,8 @@ class VibrationalModes:
     residuals: np.ndarray  # (m,) ‖M^(−½)(Kφ − λMφ)‖, likewise
     normal: np.ndarray  # (m,) mean over contacts of a∥²
     transverse: np.ndarray  # (m,) mean over contacts of a⊥²
-    participation_ratio: (
-        np.ndarray
-    )  # (m,) (Σ m_i|φ_i|²)²/(n Σ m_i²|φ_i|⁴), 1 if all disks have as much energy
+    # (m,) (Σ m_i|φ_i|²)²/(n Σ m_i²|φ_i|⁴), 1 if all disks have as much energy
+    participation_ratio: np.ndarray
     # (m,) F = k_E·φ per unit amplitude of the load, simple shear unless another is given
     shear_force: np.ndarray
     contributions: Contributions | None  # to the response to the load; None if that is not unique, or affine
@@ -197,7 +196,7 @@ def lowest_modes(
             f"{named('below')} {below:g}: must be above {SHIFT * stiffness:g}. Softer modes are not distinguished from "
             "translations."
         )
-    pencil, scale = mass_weighted(assemble(network, UNDAMPED, pinned=False))
+    pencil = mass_weighted(assemble(network, UNDAMPED, pinned=False))
     require_memory(network, pencil.unknowns, PREFIX)
     if not proved:
         require_minimum(network)
@@ -209,16 +208,16 @@ def lowest_modes(
             )
     available = pencil.unknowns - pencil.pieces.translations
     requested = available if count is None else count
-    pairs, kept, shift = _certified(pencil, scale, requested, available, stiffness)
-    return _describe(pencil.under(load or pencil.load), scale, pairs[:kept], shift, kept == available, tensor)
+    pairs, kept, shift = _certified(pencil, requested, available, stiffness)
+    return _describe(pencil.under(load or pencil.load), pairs[:kept], shift, kept == available, tensor)
 
 
-def _certified(pencil, scale, count, available, stiffness):
+def _certified(pencil, count, available, stiffness):
     """(pairs, m, μ): eigenpairs of which the first m ≥ count of all `available` lie below μ, by inertia."""
     requested, pairs = count, None
     for _ in range(ATTEMPTS):
         if pairs is None:
-            pairs = _with_quotients(lowest(pencil, requested, stiffness), pencil, scale)
+            pairs = _with_quotients(lowest(pencil, requested, stiffness), pencil)
         worst = pairs.residuals.max()
         if not worst <= RESIDUAL * stiffness:
             raise ConvergenceError(
@@ -237,7 +236,7 @@ def _certified(pencil, scale, count, available, stiffness):
             return pairs, kept, shift
         # Lanczos finds one vector of equal eigenvalues, others only by rounding: search orthogonally to those found.
         more = lowest(pencil, max(1, min(counted, available) - kept), stiffness, excluded=pairs.vectors)
-        pairs = _with_quotients(_together(pairs, more), pencil, scale)
+        pairs = _with_quotients(_together(pairs, more), pencil)
     raise ConvergenceError(
         f"{len(pairs.values)} modes were found and their count does not agree with inertia: some of a cluster are "
         "missed; try a larger -modes_eps_ncv"
@@ -265,12 +264,11 @@ def _together(pairs, more):
     )
 
 
-def _with_quotients(pairs, pencil, scale):
+def _with_quotients(pairs, pencil):
     """The same pairs with λ = Σ w a², summed contact by contact: small eigenvalues keep their digits."""
     c = pencil.compatibility
-    values = pencil.network.sum(
-        np.array([c.w_K @ c.motions(scale * vector) ** 2 for vector in pairs.vectors])
-    )
+    moves = pencil.mass_scale * pairs.vectors
+    values = pencil.network.sum(np.array([c.w_K @ c.motions(move) ** 2 for move in moves]))
     return replace(pairs, values=values)[np.argsort(values, kind="stable")]
 
 
@@ -286,18 +284,19 @@ def find_cluster_end(values, count, available, stiffness):
     return (available, float(values[-1])) if len(values) == available else (None, None)
 
 
-def _describe(pencil: Pencil, scale, pairs, shift, complete, loads):
+def _describe(pencil: Pencil, pairs, shift, complete, loads):
     network, m, dimension = pencil.network, len(pairs.values), pencil.dimension
     sums = np.empty((m, 4))
     push = pencil.k_gamma.getArray()
-    for row, vector in enumerate(pairs.vectors):
+    moves = pencil.mass_scale * pairs.vectors
+    for row, (vector, move) in enumerate(zip(pairs.vectors, moves, strict=True)):
         squares = np.sum(vector.reshape(-1, dimension) ** 2, axis=1)
-        motions = pencil.compatibility.motions(scale * vector).reshape(-1, dimension)
+        motions = pencil.compatibility.motions(move).reshape(-1, dimension)
         along, *across = np.sum(motions**2, axis=0)
-        sums[row] = along, sum(across), np.sum(squares**2), push @ (scale * vector)
+        sums[row] = along, sum(across), np.sum(squares**2), push @ move
     sums = network.sum(sums)
     contacts, force = network.contact_count, sums[:, 3]
-    fields = (scale * pairs.vectors).reshape(m, -1, dimension)
+    fields = moves.reshape(m, -1, dimension)
     contributions, of_loads = contributions_of(pencil, pairs.values, fields, force, loads)
     return VibrationalModes(
         network, pairs.values, fields, pairs.residuals,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from dense import Reference
 from picture_contents import figure_of, lines
-from samples import SAMPLES, crystal, on_ranks, physics, polydisperse, put
+from samples import SAMPLES, crystal, on_ranks, physics, polydisperse, put, wide
 from spheres import few_spheres
 
 import jampetsc
@@ -19,13 +19,6 @@ from jampetsc.response.contact_network import build_network
 from jampetsc.response.mode_counts import count_between
 
 pytestmark = pytest.mark.scalar("real")
-
-
-def wide():
-    """Radii 1 : 30 of a proved minimum, stiffnesses 1 : 900."""
-    radii = np.r_[[15.0] * 4, [0.5] * 12]
-    disks = jampetsc.pack(radii=radii, pressure=1e-3)
-    return disks.replace(potential=Potential(k=3.0, stiffness="inverse-square-diameter"))
 
 
 PACKINGS = {

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dense import Reference
-from samples import SAMPLES, crystal, cut, on_ranks, pairs_of, physics, published, reference, strips
+from samples import SAMPLES, crystal, cut, on_ranks, pairs_of, physics, published, reference, strips, wide
 from scipy.linalg import eigh
 from spheres import few_spheres
 from whole_arrays import unknowns
@@ -36,13 +36,6 @@ def spectrum(sample, prestress=True):
     values, vectors = np.linalg.eigh(K + 100.0 * moves @ moves.T)
     m = len(values) - moves.shape[1]
     return values[:m], vectors[:, :m], exact
-
-
-@pytest.fixture(scope="module")
-def wide():
-    """A minimum of radii 1 : 30, stiffnesses 1 : 900."""
-    disks = jampetsc.pack(radii=np.r_[[15.0] * 4, [0.5] * 12], pressure=1e-3)
-    return disks.replace(potential=Potential(k=3.0, stiffness="inverse-square-diameter"))
 
 
 def vectors_of(modes):
@@ -138,10 +131,10 @@ def check_contributions(modes, vectors, wanted, exact):
 
 
 @pytest.mark.usefixtures("converged")
-@pytest.mark.parametrize("name", on_ranks(("polydisperse", "wide", "spheres"), ("wide", "spheres")))
-def test_masses_by_volume_against_dense(session, name, wide):
+@pytest.mark.parametrize("make", on_ranks((SAMPLES["polydisperse"], wide, few_spheres), (wide, few_spheres)))
+def test_masses_by_volume_against_dense(session, make):
     """Kφ = λMφ, few modes by SLEPc and all by LAPACK, with shares of ũᵀMũ, and exact counts of states."""
-    disks = wide if name == "wide" else few_spheres() if name == "spheres" else SAMPLES[name]()
+    disks = make()
     exact, masses = Reference(disks, physics("stokes")), Masses(1.0, BY_VOLUME)
     network = build_network(disks, session.comm, masses=masses)
     D, rows = disks.dimension, unknowns(network, disks.dimension, exact.disks)
