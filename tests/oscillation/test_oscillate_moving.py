@@ -14,7 +14,7 @@ from sweeps import Sweep
 from jampetsc.errors import ConvergenceError
 from jampetsc.jamming.stepwise_shear import StepwiseShear, measure_minimum
 from jampetsc.minimisation.hessian import Bonds
-from jampetsc.oscillation import dashpots, repeated_cycles, time_step
+from jampetsc.oscillation import adaptive_steps, dashpots, repeated_cycles, time_step
 from jampetsc.oscillation.drive import Drive, Imposed, Moduli
 from jampetsc.oscillation.moving_contacts import MovingContacts
 from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
@@ -221,7 +221,7 @@ def test_any_amplitude():
 
 def test_steps_that_are_too_long_are_refused(monkeypatch):
     """Where they are not cut."""
-    monkeypatch.setattr(repeated_cycles, "MAX_HALVINGS", 0)
+    monkeypatch.setattr(adaptive_steps, "MAX_HALVINGS", 0)
     with pytest.raises(ConvergenceError, match="Give more steps"):
         shaken(1.0, 1.0, 16, cycles=3)
 
@@ -243,12 +243,12 @@ def test_short_steps_do_not_carry_all_disks_away(step, rotations):
 
 
 def test_energy_that_the_shortest_steps_lose_is_told(monkeypatch):
-    monkeypatch.setattr(repeated_cycles, "MAX_HALVINGS", 2)
+    monkeypatch.setattr(adaptive_steps, "MAX_HALVINGS", 2)
     run, _ = run_of(1.0, 1e-3, 16)
     with pytest.raises(
         ConvergenceError, match=r"^energy error .* \d\.\de\+\d+ times .*\. Give more steps\.$"
     ):
-        list(run.steps(0.0, 1.0, 1e-20))
+        list(run.steps.over(0.0, 1.0, 1e-20))
     assert run.motion.step == 0.25
 
 
@@ -279,7 +279,7 @@ def test_steps_are_cut_where_disks_rearrange():
         run, _ = run_of(1e-4, 2e-2, 16)
         steps, spent, work = [], 0.0, 0.0
         for n in range(4):
-            for stages in run.steps(n * period, period, allowed):
+            for stages in run.steps.over(n * period, period, allowed):
                 fed = [weight * run.motion.volume * seen.stress * seen.rate for _, weight, seen in stages]
                 dissipated = [weight * seen.power for _, weight, seen in stages]
                 assert abs(sum(fed) - sum(dissipated) - run.motion.gained) <= allowed
@@ -287,7 +287,7 @@ def test_steps_are_cut_where_disks_rearrange():
                 length = sum(weight for _, weight, _ in stages)
                 steps.append((stages[-1][0] - length, length))
         lost.append(abs(spent - work))
-        counts.append(run.accepted)
+        counts.append(run.steps.accepted)
         begins, lengths = np.transpose(steps)
         np.testing.assert_allclose([*begins, 4 * period], [0.0, *(begins + lengths)], atol=1e-12)
         assert run.motion.gamma == pytest.approx(2e-2 * np.sin(4 * period), rel=1e-9)
@@ -300,12 +300,12 @@ def test_steps_are_cut_where_disks_rearrange():
 
 def test_of_many_short_steps_the_later_ones_have_one_stage(monkeypatch):
     """They lose no more energy than others, and end where they should."""
-    monkeypatch.setattr(repeated_cycles, "MIN_SHORT_HALVINGS", 1)
-    monkeypatch.setattr(repeated_cycles, "MAX_SHORT_STEPS", 0)
+    monkeypatch.setattr(adaptive_steps, "MIN_SHORT_HALVINGS", 1)
+    monkeypatch.setattr(adaptive_steps, "MAX_SHORT_STEPS", 0)
     run, _ = run_of(1e-4, 2e-2, 16)
     counts, time, period = [], 0.0, 2.0 * np.pi / 16
     for n in range(4):
-        for stages in run.steps(n * period, period, 1e-8):
+        for stages in run.steps.over(n * period, period, 1e-8):
             work = [
                 weight * (run.motion.volume * end.stress * end.rate - end.power) for _, weight, end in stages
             ]

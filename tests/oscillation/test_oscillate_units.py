@@ -9,7 +9,7 @@ from samples import physics, published
 from spheres import few_spheres
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.oscillation import repeated_cycles
+from jampetsc.oscillation import adaptive_steps
 from jampetsc.oscillation.drive import Drive
 from jampetsc.oscillation.repeated_cycles import repeat_cycles
 from jampetsc.packing.packing import Packing
@@ -135,7 +135,7 @@ def test_disks_start_at_rest_where_contacts_would_be_others():
 
 def test_a_packing_that_comes_apart_is_told_alike(monkeypatch):
     """Of so large a stress that contacts are left which hold nothing: the strain jumps, in steps however short."""
-    monkeypatch.setattr(repeated_cycles, "MAX_HALVINGS", 4)  # enough to see that it does not end
+    monkeypatch.setattr(adaptive_steps, "MAX_HALVINGS", 4)  # enough to see that it does not end
     law, disks = law_of(1.0, True), packing(True)
     start = start_of(1.0, True, Drive(0.01 / law.law.tau1, 1e-3, True))
     with pytest.raises(
