@@ -3,10 +3,12 @@
     C(δ) = ⟨u_y(x) u_y(x + δ)⟩ / ⟨u_y²⟩ ,
 
 averaged over pairs of disks in the same lane, a strip along x of given width, in 3D a bar of this width in y and in z
-(`lane_sums`). u_y has no affine part
-under u_x = γ y, so C is of the non-affine motion. Real and imaginary part of a field, in phase with the stress (or
-the strain) and with its rate, are correlated each with itself. In a periodic cell a lane closes on itself after
-L = |a₁|, so C is even about δ = L/2.
+(`lane_sums`). u_y has no affine part under u_x = γ y, so C is of the non-affine motion. Real and imaginary part of a
+field, in phase with the stress (or the strain) and with its rate, are correlated each with itself. In a periodic cell
+a lane closes on itself after L = |a₁|, so C is even about δ = L/2.
+
+In a square cell the non-affine u_x along y has the same C on average: simple shear along y differs by a rotation alone,
+which damping feels by no more than overlaps over diameters. `across` exchanges the axes, `add_lanes` adds both.
 """
 
 import math
@@ -18,6 +20,7 @@ from jampetsc.analysis.power_laws import collapse_spread
 from jampetsc.analysis.statistics import draws_of, small_sample_factor
 from jampetsc.errors import InputError
 
+SIDE_TOLERANCE = 1e-9  # relative difference of sides that count as equal
 STRIP_COUNT = 8  # strips of one packing, for the error
 _GRID_SPACING = 1 / 8  # of the grid along x, in diameters
 _MIN_BIN_WIDTH, _BIN_GROWTH = (
@@ -100,6 +103,33 @@ def lane_sums(positions, cell, fields, width: float, cells: int) -> LaneSums:
         disks=np.bincount(block, minlength=blocks).astype(float),
         width=(math.prod(heights) / lanes) ** (1.0 / len(heights)),
     )
+
+
+def across(positions, cell):
+    """Positions (n, D) and cell rows (D, D) with the axes x and y exchanged, for lanes along y.
+
+    Raises InputError unless the cell is rectangular, with equal sides along x and y.
+    """
+    order = [1, 0, *range(2, len(cell))]
+    if np.any(cell != np.diag(np.diag(cell))):
+        raise InputError(
+            "cell: tilted, so that lanes along y do not close on themselves. Choose lanes along x."
+        )
+    if not math.isclose(cell[0, 0], cell[1, 1], rel_tol=SIDE_TOLERANCE):
+        raise InputError(
+            f"cell: sides of {cell[0, 0]:g} along x and {cell[1, 1]:g} along y, which must be equal for lanes along y. "
+            "Choose lanes along x."
+        )
+    return positions[:, order], cell[np.ix_(order, order)]
+
+
+def add_lanes(axes) -> LaneSums:
+    """The LaneSums of one packing over lanes along several axes, block by block."""
+    summed = {
+        name: sum(getattr(sums, name) for sums in axes)
+        for name in ("products", "squares", "pairs", "separations", "disks")
+    }
+    return replace(axes[0], **summed)
 
 
 MIN_RESAMPLED_PACKINGS = 5  # from this number on, whole packings are resampled

@@ -11,6 +11,8 @@ import numpy as np
 from jampetsc import interrupts
 from jampetsc.analysis.displacement_correlation import (
     ROUNDING_LIMIT,
+    across,
+    add_lanes,
     correlate_displacements,
     grid_cells,
     lane_sums,
@@ -45,6 +47,9 @@ from jampetsc.packing.packing import Packing
 MIN_LANE_WIDTH, MAX_LANE_WIDTH = 0.01, 1e6  # in mean diameters
 SWEEPS, FLOW, VELOCITIES = "jampetsc-sweep", "jampetsc-flow", "jampetsc-velocity-correlation"
 LANES = (0.5, 0.25, 1.0)  # widths, in mean diameters, by default
+DEFAULT_AXIS = "x"
+AXES = {"x": (0,), "y": (1,), "both": (0, 1)}  # numbers of the axes along which lanes lie
+AXES_TEXT = {"x": "", "y": " along y", "both": " along x and along y"}
 PRESSURE_TOLERANCE = 0.01  # largest relative difference of pressures of sweeps to average
 
 
@@ -73,7 +78,8 @@ class Correlate(Job):
     """Correlation of displacements along the flow, and its length.
 
     C(δ) of the displacements u_y along x in narrow lanes (BT Fig. 7), real and imaginary part, of the fields that
-    sweeps hold, and the length l at its first root: by default in the phase of the stress, as BT impose it.
+    sweeps hold, and the length l at its first root: by default in the phase of the stress, as BT impose it. In a square
+    cell u_x along y has the same C on average, and the mean of both a smaller error.
     Several sweeps of one kind (law, pressure, number of disks) are averaged. Of flows with snapshots: the correlation
     g_y(x) of transverse velocities along the flow (Vågberg, eq. 4.23) of pairs of disks in one lane, and its minimum.
 
@@ -116,6 +122,10 @@ class Correlate(Job):
         "sweep: phase of the real parts, that of the stress (default, BT) or of the strain",
         choices=PHASES,
     )
+    along: str | None = optional_parameter(
+        "sweep: axis of the lanes, x (default) for u_y along x, y for u_x along y, or both, their mean",
+        choices=AXES,
+    )
     omega: Numbers | None = optional_parameter(
         "sweep: frequencies of the fields to correlate (default: all)", value_type=FREQUENCIES
     )
@@ -126,7 +136,7 @@ class Correlate(Job):
     @property
     def implied(self):
         """See `Job`; the width of a lane depends on what the files hold."""
-        return {"bin": DEFAULT_BIN_WIDTH, "phase": PHASES[0]}
+        return {"bin": DEFAULT_BIN_WIDTH, "phase": PHASES[0], "along": DEFAULT_AXIS}
 
     def check(self):
         """Refuse a result given twice."""
@@ -152,7 +162,7 @@ class Correlate(Job):
 def _of_flows(job, flows, to) -> str:
     """Correlate transverse velocities in the snapshots of flows; returns the summary. Raises InputError."""
     start_time = time.perf_counter()
-    for name in ("omega", "packing", "phase"):
+    for name in ("omega", "packing", "phase", "along"):
         if getattr(job, name) is not None:
             raise InputError(
                 f"{named(name)}: an option of sweeps, but {flows[0].path} is a flow. Leave it out."
@@ -204,8 +214,8 @@ def _of_sweeps(job, sweeps, to) -> str:
         raise InputError(
             f"{named('packing')}: one packing for {len(sweeps)} sweeps. Correlate each sweep alone."
         )
-    phase, lanes = job.phase or PHASES[0], job.lane or LANES
-    motions, frequencies = zip(*(_motion(job, sweep, phase) for sweep in sweeps), strict=True)
+    phase, lanes, along = job.phase or PHASES[0], job.lane or LANES, job.along or DEFAULT_AXIS
+    motions, frequencies = zip(*(_motion(job, sweep, phase, AXES[along]) for sweep in sweeps), strict=True)
     for sweep, omega in zip(sweeps, frequencies, strict=True):
         if len(omega) != len(frequencies[0]) or not np.allclose(omega, frequencies[0], rtol=0.01, atol=0):
             raise InputError(
@@ -230,12 +240,13 @@ def _of_sweeps(job, sweeps, to) -> str:
         *(to, job.FORMAT, sweeps, start_time, arrays, notes := notes_of_sources(sweeps)),
         **_mean_pressure(sweeps),
         phase=phase,
+        along=along,
         packings=len(sweeps),
         L=length,
         mean_diameter=diameter,
         pairs=[correlation.pairs for correlation in results],
     )
-    summary = _sweep_summary(to, len(sweeps), frequencies[0], phase, lanes, results, length / diameter)
+    summary = _sweep_summary(to, len(sweeps), frequencies[0], phase, along, lanes, results, length / diameter)
     return "\n".join([summary, *note_lines(notes)])
 
 
@@ -251,34 +262,46 @@ def _correlated(sweeps, motions, lanes):
     """
     first, sums = motions[0][0], [[] for _ in lanes]
     cells = grid_cells(first.cell[0, 0], _diameter(first))
-    for sweep, (disks, particles, fields) in zip(sweeps, motions, strict=True):
+    for sweep, (disks, particles, fields_of) in zip(sweeps, motions, strict=True):
         for width, rows in zip(lanes, sums, strict=True):
             interrupts.check()
             with about(sweep.path):
-                places = disks.positions[particles]
-                rows.append(lane_sums(places, disks.cell, fields, width * _diameter(disks), cells))
+                axes = []
+                for axis, fields in fields_of.items():
+                    frame = disks.positions[particles], disks.cell
+                    frame = across(*frame) if axis else frame
+                    axes.append(lane_sums(*frame, fields, width * _diameter(disks), cells))
+                rows.append(add_lanes(axes))
     return [correlate_displacements(rows) for rows in sums], np.array([rows[0].width for rows in sums])
 
 
-def _motion(job, sweep, phase):
-    """((disks, their rows in the fields (n,), u_y (2F, n): Re and Im of each), frequencies (F,)) of a sweep."""
+def _motion(job, sweep, phase, axes):
+    """((disks, their rows in the fields (n,), {axis: motions}), frequencies (F,)) of a sweep.
+
+    Motions (2F, n) are Re and Im of each field across lanes along an axis: u_y along x, u_x along y.
+    """
     stored = sweep.fields.omega
     rows = chosen_frequencies(sweep, stored[np.argsort(stored)] if job.omega is None else job.omega)
     disks = source_of(sweep, job.packing)
     particles = particle_rows(sweep, disks)
-    transverse = [phase_factor(sweep, stored[row], phase) * field_at(sweep, row)[0][:, 1] for row in rows]
-    parts = [part for u in transverse for part in (u.real, u.imag)]
-    is_motion = np.array([_rms(part) > ROUNDING_LIMIT * _diameter(disks) for part in parts]).reshape(-1, 2)
-    if not is_motion.any(axis=1).all():
-        at = stored[rows][np.argmin(is_motion.any(axis=1))]
-        raise InputError(
-            f"{sweep.path}: |u_y| at omega = {at:g} is rounding, as in a perfect crystal (at most {ROUNDING_LIMIT:g} "
-            f"mean diameters per strain). Choose other frequencies with {named('omega')}."
+    fields = [phase_factor(sweep, stored[row], phase) * field_at(sweep, row)[0][:, :2] for row in rows]
+    motions = {}
+    for axis in axes:
+        transverse = [field[:, 1 - axis] for field in fields]
+        parts = [part for u in transverse for part in (u.real, u.imag)]
+        is_motion = np.array([_rms(part) > ROUNDING_LIMIT * _diameter(disks) for part in parts]).reshape(
+            -1, 2
         )
-    parts = [
-        part if moves else np.zeros_like(part) for part, moves in zip(parts, is_motion.flat, strict=True)
-    ]
-    return (disks, particles, parts), stored[rows]
+        if not is_motion.any(axis=1).all():
+            at = stored[rows][np.argmin(is_motion.any(axis=1))]
+            raise InputError(
+                f"{sweep.path}: |u_{'yx'[axis]}| at omega = {at:g} is rounding, as in a perfect crystal (at most "
+                f"{ROUNDING_LIMIT:g} mean diameters per strain). Choose other frequencies with {named('omega')}."
+            )
+        motions[axis] = [
+            part if moves else np.zeros_like(part) for part, moves in zip(parts, is_motion.flat, strict=True)
+        ]
+    return (disks, particles, motions), stored[rows]
 
 
 def refuse_mixture(sweeps):
@@ -317,12 +340,12 @@ def _mean_pressure(sweeps):
     return {"pressure": sum(pressures) / len(pressures)} if pressures else {}
 
 
-def _sweep_summary(to, packings, omega, phase, lanes, results, size) -> str:
+def _sweep_summary(to, packings, omega, phase, along, lanes, results, size) -> str:
     """Lengths in diameters for the first lane width, and how much C differs at the other widths; size: L in these."""
     first = results[0]
     lines = [
-        f"{to}: {packings} packing{'s' * (packings > 1)}, L = {size:.4g} d, lanes of {lanes[0]:g} d, "
-        f"{first.pairs} pairs, in phase with the {phase}"
+        f"{to}: {packings} packing{'s' * (packings > 1)}, L = {size:.4g} d, lanes of {lanes[0]:g} d"
+        f"{AXES_TEXT[along]}, {first.pairs} pairs, in phase with the {phase}"
     ]
     for n, w in enumerate(omega):
         parts = [

@@ -18,6 +18,7 @@ minimum, minimum_error | (W, F, 2) | float | length | δ of the smallest C
 packings | int | | number of packings averaged
 pairs | (W,) int | | number of pairs of disks for each lane width
 phase | text in stress strain | | what Re u_y is in phase with; `strain` where it is missing
+along | text in x y both | | axis of the lanes: u_y along x, u_x along y or the mean of both; `x` where it is missing
 L, mean_diameter | float > 0 | length | side of the cell along x, mean diameter
 """,
     common=PROVENANCE,

@@ -16,6 +16,7 @@ from papers.claims.medium import correlation, dragged, first_root, solid
 from papers.claims.shared import (
     Row,
     bearing,
+    beside,
     check,
     claim,
 )
@@ -115,29 +116,13 @@ def _slow(curve, part, phase):
 
 def _contact(found, large, size):
     """Contact damping: one C of δ/L at every N, p and ω, of both parts."""
-
-    def slow(omega):
-        return omega < BEYOND
-
     both = [_over_size(large["contact", "stress"], part, slow) for part in (np.real, np.imag)]
     for (value, error), name in zip(both, ("Re", "Im"), strict=True):
         what = f"contact: l/L at ω < {BEYOND:g}, {name} u_y"
         if name == "Re":
             yield Row(what, "≈ 1/4", Estimate(value, error), number(0.25), "", size, bears="swirls")
         yield check(what, value, error, "B ~ k² as K", size, f"{first_root(solid):.3f}", predicted=True)
-    what = f"contact: l of Im u_y over l of Re u_y, ω < {BEYOND:g}"
-    ours, part = _ratio(both[1], both[0]), "contact damping"
-    yield Row(what, "the same: 1", ours, number(1.0), "", size, bears="re-im", part=part)
-    levels = sorted(
-        (curve.pressure, _over_size([(r, curve)], np.real, slow)) for r, curve in large["contact", "stress"]
-    )
-    if len(levels) > 1:
-        what = f"contact: l at p = {levels[0][0]:.0e} over l at {levels[-1][0]:.0e}, Re u_y"
-        told = "l/L = " + ", ".join(
-            f"{value:.3f}({1000 * error:.0f}) at {p:.0e}" for p, (value, error) in levels
-        )
-        ours = _ratio(levels[0][1], levels[-1][1])
-        yield Row(what, "the same: 1", ours, number(1.0), told, size, bears="contact-p")
+    yield from beside(_lengths_at_pressures(large["contact", "stress"], size))
     yield from _form_of_contact([curve for _, curve in large["contact", "stress"]], size)
     pairs = found["contact", "stress"]
     sizes = sorted({curve.attributes["particle_count"] for _, curve in pairs})
@@ -153,6 +138,38 @@ def _contact(found, large, size):
         what, ratio.value, ratio.statistical, "the root alone", f"N = {sizes[0]} and {sizes[-1]}", "1"
     )
     yield from _collapse_in_size(pairs, sizes)
+
+
+def slow(omega):
+    """Whether contact-damped displacements are compared at each of these frequencies."""
+    return omega < BEYOND
+
+
+def _lengths_at_pressures(pairs, size):
+    """Contact damping: l of Im u_y over l of Re u_y, and l at the lowest over l at the highest pressure."""
+    both = [_over_size(pairs, part, slow) for part in (np.real, np.imag)]
+    what = f"contact: l of Im u_y over l of Re u_y, ω < {BEYOND:g}"
+    ours, part = _ratio(both[1], both[0]), "contact damping"
+    yield Row(what, "the same: 1", ours, number(1.0), "", size, bears="re-im", part=part)
+    levels = sorted((curve.pressure, _over_size([(r, curve)], np.real, slow)) for r, curve in pairs)
+    if len(levels) > 1:
+        what = f"contact: l at p = {levels[0][0]:.0e} over l at {levels[-1][0]:.0e}, Re u_y"
+        told = "l/L = " + ", ".join(
+            f"{value:.3f}({1000 * error:.0f}) at {p:.0e}" for p, (value, error) in levels
+        )
+        ours = _ratio(levels[0][1], levels[-1][1])
+        yield Row(what, "the same: 1", ours, number(1.0), told, size, bears="contact-p")
+
+
+@claim("bt-fig7-contact", on="contact-p")
+def lengths_of_many_packings(table):
+    """Needs of each correlation: everything."""
+    pairs = [(one, correlation_curve(one)) for one in table.where(command="correlate").results()]
+    attributes = pairs[0][1].attributes
+    packings, n = attributes["packings"], attributes["particle_count"]
+    yield from _lengths_at_pressures(
+        pairs, f"N = {n}, {packings} packings at each of {len(pairs)} pressures, along x and y"
+    )
 
 
 def _form_of_contact(curves, size):

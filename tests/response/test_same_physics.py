@@ -77,6 +77,47 @@ def test_results_without_units_stay(session, way, usual):
         np.testing.assert_allclose(found, usual[name], rtol=1e-6, atol=1e-7 * size, err_msg=name)
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_lanes_along_y_are_those_along_x_of_the_mirror_image(session, dimension):
+    """Exchanging x and y changes simple shear by a rotation alone, to which normal damping has no force."""
+    disks = jampetsc.pack(n=24, dimension=dimension, pressure=1e-2, seed=3)
+    order = [1, 0, 2][:dimension]
+    potential = replace(disks.potential, k=2.0)
+    disks, mirrored = (
+        Packing.from_positions(
+            0.5 * disks.positions[:, axes],
+            0.5 * disks.radii,
+            0.5 * disks.cell[np.ix_(axes, axes)],
+            potential,
+        )
+        for axes in (range(dimension), order)
+    )
+    sweep, image = (
+        jampetsc.sweep(some, omega=[0.1], fields=[0.1], law=jampetsc.ContactDamping(beta=0.0))
+        for some in (disks, mirrored)
+    )
+    for axes in (("y", "x"), ("x", "y"), ("both", "both")):
+        found, expected = (
+            jampetsc.correlate(some, lane=2, phase="strain", along=axis)
+            for some, axis in zip((sweep, image), axes, strict=True)
+        )
+        assert found.attributes["along"] == axes[0]
+        np.testing.assert_allclose(found["C"], expected["C"], atol=1e-6)
+    single = [jampetsc.correlate(sweep, lane=2, along=axis) for axis in "xy"]
+    pairs = [result.attributes["pairs"] for result in single]
+    assert found.attributes["pairs"] == sum(pairs)
+
+
+def test_lanes_along_y_close_in_square_cells_alone(session):
+    disks = jampetsc.pack(n=24, pressure=1e-2, seed=3)
+    twice = np.concatenate((disks.positions, disks.positions + disks.cell[1]))
+    high = Packing.from_positions(twice, np.tile(disks.radii, 2), np.diag([1.0, 2.0]) @ disks.cell)
+    for message, some in {"tilted": told(turns=1), "must be equal": high}.items():
+        sweep = jampetsc.sweep(some, omega=0.1, fields=0.1)
+        with pytest.raises(InputError, match=f"{message}.* Choose lanes along x"):
+            jampetsc.correlate(sweep, lane=2, along="both")
+
+
 def test_an_emulsion_in_metres_pascals_and_seconds(session):
     """docs/howto/physical_units.md: spheres of 10 µm, k = 10 mN/m, water: stresses in k/d, viscosities in k τ₁/d."""
     d, k, water = 1e-5, 1e-2, 1e-3
