@@ -259,8 +259,9 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
     def _solve(self, source, loads, frequencies, method, minimum, checkpoint):
         """The `ModulusSweep`, continued from the finished steps of a checkpoint. Collective."""
         from jampetsc.response.assembly import assemble
+        from jampetsc.response.direct_sweep import sweep_directly
         from jampetsc.response.massive_sweep import sweep_with_inertia
-        from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
+        from jampetsc.response.modulus_sweep import sweep_rationally
 
         with session.current().stage("assembly"):
             pencil = assemble(source.network, self.law)

@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.analysis.reduced_inertia import ReducedInertia
 from jampetsc.collective import on_root
-from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.errors import InputError, named
 from jampetsc.laws.loads import ForceLoad
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
@@ -14,12 +14,12 @@ from jampetsc.progress import Progress
 from jampetsc.response.assembled_matrices import corners
 from jampetsc.response.assembly import Pencil
 from jampetsc.response.direct import FrequencySolver
+from jampetsc.response.direct_sweep import DirectSteps
 from jampetsc.response.modulus_sweep import (
     DisplacementField,
     FloppyModesExplained,
     ModulusSweep,
     TensorModuli,
-    direct_step,
     mean_shear,
 )
 from jampetsc.response.second_order_basis import Chain
@@ -145,27 +145,21 @@ class _Alone:
 
 def _solve_directly(sweep, group, field_omega, steps, progress):
     """Solve those frequencies that the space does not certify."""
-    own = {record[DIRECT]: (record, arrays) for record, arrays in steps.of(group) if DIRECT in record}
-    failures, solver, factorisations = {}, None, 0
-    for at in map(float, sweep.omega):
-        if at in own or at in sweep.solutions:
-            continue
-        solver = solver or FrequencySolver(sweep.pencil, loads=[pencil.load for pencil in sweep.pencils])
-        previous = solver.factorisations
-        try:
-            with current().stage("frequency"):
-                results = solver.solve_loads(at, sweep.accuracy)
-        except ConvergenceError as error:
-            failures[at] = error
-            factorisations += solver.factorisations - previous
-            progress.step(f"failed: {error}")
-            continue
-        record, arrays = direct_step(solver, results, solver.factorisations - previous, at in field_omega)
-        own[at] = record | {DIRECT: at}, arrays
-        steps.add(group, *own[at])
-        progress.step(f"omega {at:.3e} alone  bound {results[0].bounds[0]:.1e}")
-    factorisations += sum(record["factorisations"] for record, _ in own.values())
-    return _Alone(own, failures, factorisations)
+    solved = {record[DIRECT]: (record, arrays) for record, arrays in steps.of(group) if DIRECT in record}
+    missing = [at for at in map(float, sweep.omega) if at not in solved and at not in sweep.solutions]
+    failures, factorisations = {}, 0
+    if missing:
+        solver = FrequencySolver(sweep.pencil, loads=[pencil.load for pencil in sweep.pencils])
+        direct = DirectSteps(solver, sweep.accuracy, field_omega, progress)
+        for at in missing:
+            step = direct.solve(at)
+            if step is not None:
+                record, arrays = step
+                solved[at] = record | {DIRECT: at}, arrays
+                steps.add(group, *solved[at])
+        failures, factorisations = direct.failures, direct.factorisations
+    factorisations += sum(record["factorisations"] for record, _ in solved.values())
+    return _Alone(solved, failures, factorisations)
 
 
 def _collect(sweep, alone):

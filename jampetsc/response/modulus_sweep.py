@@ -1,4 +1,4 @@
-"""A sweep G*(ω) or C*(ω) of a pencil by either method: steps that can be resumed, failures, fields.
+"""A rational sweep G*(ω) or C*(ω) of a pencil, and what any sweep gives: steps that can be resumed, failures, fields.
 
 A finished step is a record, numbers that all ranks have, and arrays, this rank's rows. `save(step, record, arrays)`
 takes each; `resume` gives the steps of an earlier run, {step: (record, arrays or None)}, which are not repeated.
@@ -23,8 +23,7 @@ from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
 from jampetsc.response import tall
 from jampetsc.response.assembly import ROW, Pencil
-from jampetsc.response.certificate import ROUNDING, Certified, pair_bounds, tensor_at
-from jampetsc.response.direct import FrequencySolver
+from jampetsc.response.certificate import ROUNDING, Certified, pair_bounds
 from jampetsc.response.galerkin import Galerkin
 from jampetsc.response.minimum_check import floppy_modes, shared_zero_modes
 from jampetsc.response.rational import VECTORS, RationalSweep
@@ -284,94 +283,6 @@ def _restore(sweep, steps):
     certificate = None if last["G"] is None else Certified(**last)
     owner = dict(records[-1]["owner"])
     sweep.restore(records[0]["first"], arrays[0]["x0"], vectors, shifts, owner, certificate)
-
-
-def sweep_directly(
-    pencil: Pencil,
-    omega,
-    accuracy: float,
-    loads=None,
-    field_omega=(),
-    positive_semidefinite: bool = False,
-    resume: dict | None = None,
-    save=None,
-) -> ModulusSweep:
-    """One complex solve per frequency, see `direct`; steps are the numbers of frequencies. Collective.
-
-    omega, accuracy, loads, field_omega   as for `sweep_rationally`
-    positive_semidefinite                 whether K is known to be
-
-    Raises ConvergenceError if all frequencies fail.
-    """
-    session, steps, failures, factorisations = current(), dict(resume or {}), {}, 0
-    with session.stage("assembly"):
-        solver = FrequencySolver(pencil, positive_semidefinite=positive_semidefinite, loads=loads)
-    missing = [index for index in range(len(omega)) if index not in steps]
-    with (
-        FloppyModesExplained(pencil),
-        Progress(len(omega), "sweep", pencil.network.comm.rank, done=len(steps)) as progress,
-    ):
-        if steps:
-            solver.restore(*steps[max(steps)][0]["singular_bound"])
-        for index in missing:
-            at, previous = float(omega[index]), solver.factorisations
-            try:
-                with session.stage("frequency"):
-                    results = solver.solve_loads(at, accuracy)
-            except ConvergenceError as error:
-                failures[at] = error
-                factorisations += solver.factorisations - previous
-                progress.step(f"failed: {error}")
-                continue
-            steps[index] = direct_step(solver, results, solver.factorisations - previous, at in field_omega)
-            if save is not None:
-                save(index, *steps[index])
-            result, of_forces = results[0], solver.functional.pencil.exerts_forces
-            storage, loss = ("-chi'/V", "-chi''/V") if of_forces else ("G'", "G''")
-            progress.step(
-                f"omega {at:.3e}  {storage} {result.G.real:.6e}  {loss} {result.G.imag:.6e}  "
-                f"bound {result.bounds[0]:.1e}  "
-                f"iterations {solver.iterations}"
-            )
-        if not steps:
-            raise next(iter(failures.values()))
-    solved = sorted(steps)
-    records = [steps[index][0] for index in solved]
-    fields = [
-        DisplacementField(
-            float(omega[index]), arrays["displacement"], arrays.get("rotation"), record["field_bound"]
-        )
-        for index, (record, arrays) in sorted(steps.items())
-        if omega[index] in field_omega
-    ]
-    omega, factorisations = (
-        np.asarray(omega)[solved],
-        factorisations + sum(record["factorisations"] for record in records),
-    )
-    if "C" in records[0]:
-        tensor = TensorModuli(*(np.array([record[name] for record in records]) for name in ("C", "C_bounds")))
-        return ModulusSweep(omega, *mean_shear(tensor), fields, failures, factorisations, tensor=tensor)
-    moduli = (np.array([record[name] for record in records]) for name in ("G", "bounds"))
-    return ModulusSweep(omega, *moduli, fields, failures, factorisations)
-
-
-def direct_step(solver, results, factorisations, has_field):
-    """(record, arrays) of one frequency."""
-    result, bound = results[0], solver.singular_bound
-    record = {
-        "G": result.G, "bounds": result.bounds, "singular_bound": (bound.omega, bound.least),
-        "factorisations": factorisations,
-    }  # fmt: skip
-    if solver.functional.pencil.exerts_forces:
-        return record | {name: [getattr(each, name) for each in results] for name in ("G", "bounds")}, None
-    if len(results) > 1:
-        C, bounds = tensor_at(solver.functionals, solver.trials, results)
-        return record | {"C": C, "C_bounds": bounds}, None
-    if not has_field:
-        return record, None
-    displacement, rotation = solver.pencil.split(solver.x)
-    record["field_bound"] = solver.functional.field_bound(result, solver.x, bound)
-    return record, {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
 
 
 class FloppyModesExplained:

@@ -30,7 +30,7 @@ from jampetsc.io.request import Request
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.packing.packing import Packing, with_proof
 from jampetsc.petsc.cholesky import least_singular_value
-from jampetsc.response import modulus_sweep
+from jampetsc.response import direct_sweep
 from jampetsc.response.assembly import assemble
 from jampetsc.response.certificate import SingularBound
 from jampetsc.response.direct import FrequencySolver
@@ -332,7 +332,7 @@ def test_a_singular_bound_serves_elsewhere_only_where_K_is_known_to_have_no_nega
 ):
     told, make = [], FrequencySolver
     monkeypatch.setattr(
-        modulus_sweep, "FrequencySolver", lambda pencil, **how: told.append(how) or make(pencil, **how)
+        direct_sweep, "FrequencySolver", lambda pencil, **how: told.append(how) or make(pencil, **how)
     )
     cases = [
         (published(), physics(), "direct", False),  # not known

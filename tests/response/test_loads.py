@@ -34,7 +34,8 @@ from jampetsc.laws.loads import (
 )
 from jampetsc.packing.contacts import measure
 from jampetsc.response.assembly import assemble
-from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
+from jampetsc.response.direct_sweep import sweep_directly
+from jampetsc.response.modulus_sweep import sweep_rationally
 from jampetsc.response.slow_response import solve_quasistatic
 from jampetsc.response.vibrations import lowest_modes
 

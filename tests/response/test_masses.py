@@ -22,8 +22,8 @@ from jampetsc.laws.probes import PointForces
 from jampetsc.plots.spectrum_plots import plot_transient
 from jampetsc.response.assembly import assemble
 from jampetsc.response.contact_network import build_network
+from jampetsc.response.direct_sweep import sweep_directly
 from jampetsc.response.massive_sweep import sweep_with_inertia
-from jampetsc.response.modulus_sweep import sweep_directly
 from jampetsc.response.probe_loads import probe_loads
 
 OMEGA = np.geomspace(1e-6, 1e2, 9)

@@ -18,7 +18,8 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.response import modulus_sweep, rational
 from jampetsc.response.assembly import assemble
-from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
+from jampetsc.response.direct_sweep import sweep_directly
+from jampetsc.response.modulus_sweep import sweep_rationally
 from jampetsc.response.probe_loads import probe_loads
 
 OMEGA = np.array([1e-8, 1e-4, 1e-2, 1.0, 1e2, 1e4])

@@ -23,7 +23,8 @@ from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import ShiftedFactor, shifted
 from jampetsc.response import factor_memory, shift_factors
 from jampetsc.response.assembly import ROW, assemble
-from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
+from jampetsc.response.direct_sweep import sweep_directly
+from jampetsc.response.modulus_sweep import sweep_rationally
 from jampetsc.response.shift_factors import Factors
 from jampetsc.response.slow_response import infinite_viscosity, solve_quasistatic
 

@@ -17,8 +17,9 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 from jampetsc.response.assembly import assemble
 from jampetsc.response.contact_network import build_network
+from jampetsc.response.direct_sweep import sweep_directly
 from jampetsc.response.minimum_check import count_modes
-from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
+from jampetsc.response.modulus_sweep import sweep_rationally
 from jampetsc.response.slow_response import solve_quasistatic
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]

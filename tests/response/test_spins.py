@@ -19,8 +19,9 @@ from jampetsc.packing.spring_network import Network
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import assemble
 from jampetsc.response.direct import FrequencySolver
+from jampetsc.response.direct_sweep import sweep_directly
 from jampetsc.response.minimum_check import check_minimum, examine, negative_modes
-from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
+from jampetsc.response.modulus_sweep import sweep_rationally
 from jampetsc.response.rational import largest_rate
 from jampetsc.response.slow_response import infinite_viscosity, solve
 
