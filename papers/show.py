@@ -18,6 +18,7 @@ SHOWN = {  # figure -> {picture in its folder: name in the gallery}
     "bt-fig5": {"5": "bt-fig5", "5-local-exponents": "bt-fig5-exponents"},
     "bt-fig6": {"6a": "bt-fig6a", "6b": "bt-fig6b", "bt-fig6-logarithm": "bt-fig6-logarithm"},
     "bt-fig7": {"bt-fig7a": "bt-fig7a", "7b": "bt-fig7b", "bt-fig7cd": "bt-fig7cd"},
+    "bt-fig7-contact": {"pressures": "bt-fig7-contact"},
     "bt-fig8": {"8a": "bt-fig8a", "bt-fig8b": "bt-fig8b", "bt-viscosity-ratio": "bt-viscosity-ratio"},
     "bt-modes": {"lowest-modes": "bt-modes", "bt-modes-levels": "bt-modes-levels"},
     "compression": {"compression": "compression"},
