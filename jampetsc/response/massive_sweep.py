@@ -208,7 +208,7 @@ def reduced_inertia(sweep: SecondOrderSweep) -> ReducedInertia:
     basis, volume = sweep.basis, sweep.network.volume
     stiffness, rotation = on_root(sweep.network.comm, lambda: np.linalg.eigh(basis.K))
     # of spins that K does not turn: rounding would exceed their damping at low frequency
-    stiffness[np.abs(stiffness) < ZERO_STIFFNESS * stiffness[-1]] = 0.0
+    stiffness[np.abs(stiffness) < ZERO_STIFFNESS * stiffness.max(initial=0.0)] = 0.0
     k_gg, b_gg = corners(sweep.pencils)
     return ReducedInertia(
         stiffness,

@@ -319,3 +319,15 @@ def test_massive_flow_begins_as_the_response_in_time(dimension, tau1):
     np.testing.assert_allclose(
         found, np.diff(impulse[::points]) / np.diff(rows), atol=1e-3 * np.ptp(expected)
     )
+
+
+@REAL
+@pytest.mark.parametrize("lattice", ["square", "cubic"])
+def test_a_lattice_that_moves_affinely(session, lattice):
+    """Its space has no vector: G* = k (1 + iωτ₁ w) / d^(D−2) under normal damping of weight w, and G(t) = G(0)."""
+    network = jampetsc.springs(lattice=lattice, size=3)
+    law, omega = jampetsc.Law("mine", normal=2.0, drag=0.3, tau1=0.7), np.array([0.01, 1.0, 100.0])
+    sweep = jampetsc.sweep(network, law=law, omega=omega, load="xx", mass=2.0)
+    assert sweep.attributes["vectors"] == 0
+    np.testing.assert_allclose(sweep.G, 1.0 + 1.4j * omega, rtol=1e-10)
+    np.testing.assert_allclose(sweep.stress_relaxation(np.array([0.1, 10.0])), 1.0, rtol=1e-10)
