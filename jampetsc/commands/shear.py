@@ -162,7 +162,14 @@ prefix -newton_."""
         from jampetsc.analysis.strain_series import short_run_warnings
 
         stress, pressure = path.averages["shear_stress"], path.averages["pressure"]
-        return short_run_warnings(abs(self.strain) - path.discard, self.step, stress, pressure)
+        notes = short_run_warnings(abs(self.strain) - path.discard, self.step, stress, pressure)
+        if path.came_apart is not None:
+            notes.insert(
+                0,
+                f"ended early: particles come apart at strain {path.came_apart:.6g}. Compress the packing to shear it "
+                "farther",
+            )
+        return notes
 
     def _facts(self, disks, path) -> dict:
         """Attributes of the file, without provenance and origin of the disks."""
@@ -184,6 +191,7 @@ prefix -newton_."""
             "saddles": path.effort.saddles,
             "shakes": path.effort.shakes,
             **({"descent": self._descent} if self.events else {}),
+            **({} if path.came_apart is None else {"came_apart": path.came_apart}),
             **average_facts(**path.averages),
         }
 

@@ -44,6 +44,7 @@ energy_cut, plastic_share, newton_steps | float, float, int | | 1e-16, with α >
   factorisations of all steps
 saddles | int? | | saddles that were left
 descent | text in steepest lbfgs? | | with `--events`: way down from an instability
+came_apart | float? | | with `--events`: γ where no contact was left, at which the run ended
 shakes | int? | | how often disks were shaken where no minimum was found
 shear_stress_mean, shear_stress_error, pressure_mean, pressure_error, energy_mean, energy_error, contact_number_mean, \
 contact_number_error, jammed_mean, jammed_error, plastic_mean, plastic_error, dissipated_mean, dissipated_error | float

@@ -64,10 +64,16 @@ MAX_EVENTS = 100_000  # of one step
 LARGEST_RATE_PIVOTS = 20  # of these by the largest rate, then by the lowest number, which cannot cycle
 
 
+class CameApart(ConvergenceError):
+    """No contact bears a force any more."""
+
+
 class EventShear(StepwiseShear):
     """Disks sheared from event to event, in each `advance` to a multiple of `step`.
 
     `events` has EVENT_COLUMNS, `largest_drop` the largest drop of the energy so far.
+
+    It ends where no contact is left, at the strain `came_apart`.
 
     descent: steepest or lbfgs, by which disks leave an instability
     """
@@ -78,6 +84,11 @@ class EventShear(StepwiseShear):
         self.largest_drop = {"drop": 0.0, "event": -1, "d2min": np.full(disks.n, np.nan)}
         self.direction = 1.0 if step > 0 else -1.0
         super().__init__(disks, step, solver, tolerance, team)
+
+    @property
+    def strain(self) -> float:
+        """See `StepwiseShear`."""
+        return super().strain if self.came_apart is None else self.came_apart
 
     @property
     def present_strain(self) -> float:
@@ -149,11 +160,7 @@ class EventShear(StepwiseShear):
         for _ in range(MAX_PIVOTS):
             branch.classify()
             self._evaluate()
-            if self._measures().pressure < self._separated_pressure:
-                raise ConvergenceError(
-                    f"shear at strain {self.present_strain:.6g}: particles come apart, and events of loose ones "
-                    "are not supported. Compress the packing, or shear without events."
-                )
+            self._require_contacts()
             if not branch.factorise():
                 break
             rest = np.zeros_like(self.offsets)
@@ -171,6 +178,14 @@ class EventShear(StepwiseShear):
         raise ConvergenceError(
             f"shear at strain {self.present_strain:.6g}: no minimum after an instability. Shear without events."
         )
+
+    def _require_contacts(self):
+        """Raise CameApart if no contact bears a force."""
+        if self._measures().pressure < self._separated_pressure:
+            raise CameApart(
+                f"shear at strain {self.present_strain:.6g}: particles come apart, and events of loose ones are not "
+                "supported. Compress the packing, or shear without events."
+            )
 
     def _settle(self, pairs):
         """Change these pairs, then contacts that only touch until rates fit; the tangent, or None: K is indefinite."""
@@ -216,11 +231,25 @@ class EventShear(StepwiseShear):
         spent, first = self.effort.evaluations, len(self.events)
         target = (self.steps + 1) * self.step
         self.displacement = np.zeros_like(self.offsets)
+        try:
+            self._advance_to(target)
+        except CameApart:
+            self.came_apart = self.present_strain
+        self.steps += 1
+        size, _ = warm_start.without_drift(self.displacement, self.pairs.r0)
+        self.minimum = self._minimum_state(self._forces())
+        falls = {UNSTABLE, HIDDEN} & set(self.events.rows["kind"][first:])
+        drop = float(sum(self.events.rows["drop"][first:]))
+        return StrainStep(size / self.diameter, drop, bool(falls), True, self.effort.evaluations - spent)
+
+    def _advance_to(self, target):
+        """Through all events before a strain. Raises CameApart and ConvergenceError."""
         for _ in range(MAX_EVENTS):
             if self._is_stale(FOLD_RATIO * self.offsets, FOLD_RATIO * self.shear):
                 self.fold()
                 self._settle([])
             arrival, follower = self._follow(target)
+            self._require_contacts()
             if arrival.cause in (TURN, SYMMETRY, LOST):
                 self._lose(arrival)
             elif arrival.cause == CONTACT:
@@ -233,12 +262,6 @@ class EventShear(StepwiseShear):
             raise ConvergenceError(
                 f"shear at strain {self.present_strain:.17g}: contacts change without end. Shear without events."
             )
-        self.steps += 1
-        size, _ = warm_start.without_drift(self.displacement, self.pairs.r0)
-        self.minimum = self._minimum_state(self._forces())
-        falls = {UNSTABLE, HIDDEN} & set(self.events.rows["kind"][first:])
-        drop = float(sum(self.events.rows["drop"][first:]))
-        return StrainStep(size / self.diameter, drop, bool(falls), True, self.effort.evaluations - spent)
 
     def state(self) -> dict:
         """See `StepwiseShear`; with the events so far."""
@@ -379,7 +402,11 @@ class EventShear(StepwiseShear):
         self._find_order()
         self._measure_scales()
         so_far, self.displacement = self.displacement, moved
-        self._factorise()  # comes to rest
+        end = None
+        try:
+            self._factorise()  # comes to rest
+        except CameApart as error:
+            end = error
         moved, self.displacement = self.displacement, so_far + self.displacement
         moved = moved - moved.mean(axis=0)
         after = self._measures()
@@ -392,3 +419,5 @@ class EventShear(StepwiseShear):
                 "event": len(self.events) - 1,
                 "d2min": deviations(start, moved),
             }
+        if end is not None:
+            raise end

@@ -117,6 +117,7 @@ class StepwiseShear(ListedPacking):
 
     events: StrainSeries | None = None
     largest_drop: dict | None = None
+    came_apart: float | None = None  # strain where `shear_events.EventShear` ends, as no contact is left
 
     def __init__(self, disks: Packing, step: float, solver, tolerance: float, team: Team | None = None):
         self.step, self.solver, self.tolerance, self.team = step, solver, tolerance, team
@@ -331,7 +332,8 @@ class ShearPath:
     averages: dict  # {name of AVERAGED: Average} over strain > discard, over all states, jammed or not
     effort: Effort  # cost of all steps
     events: StrainSeries | None  # of `shear_events.EventShear`,
-    largest_drop: dict | None  # and the largest of its drops
+    largest_drop: dict | None  # the largest of its drops,
+    came_apart: float | None  # and the strain where it ended before its goal, as no contact was left
 
     @property
     def averaged_rows(self) -> np.ndarray:
@@ -371,7 +373,7 @@ def shear_stepwise(
         series.restore(resume[0].arrays())
         shear.restore(resume[1])
     saved = time.monotonic()
-    while len(series) < steps:
+    while len(series) < steps and shear.came_apart is None:
         done = shear.advance()
         series.add(strain=shear.strain, **vars(shear.minimum), **vars(done))
         if save is not None and (time.monotonic() - saved > SAVE_INTERVAL or len(series) == steps):
@@ -379,9 +381,20 @@ def shear_stepwise(
             saved = time.monotonic()
         if report is not None:
             report(series)
+    if not _is_averaged(series, discard).any():  # of a path that ended before
+        discard = 0.0
     rows = _is_averaged(series, discard)
     averages = {name: Average.of(series.column(name)[rows]) for name in AVERAGED}
-    return ShearPath(shear.disks, series, discard, averages, shear.effort, shear.events, shear.largest_drop)
+    return ShearPath(
+        shear.disks,
+        series,
+        discard,
+        averages,
+        shear.effort,
+        shear.events,
+        shear.largest_drop,
+        shear.came_apart,
+    )
 
 
 def _is_averaged(series, discard):

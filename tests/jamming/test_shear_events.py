@@ -278,6 +278,23 @@ def test_particles_that_come_apart_are_named(session):
         jampetsc.shear(n=16, phi=0.7, step=1e-2, strain=0.02, events=True)
 
 
+@pytest.mark.parametrize(("dimension", "seed"), [(2, 3), (3, 4)])
+def test_a_path_ends_where_no_contact_is_left(session, dimension, seed):
+    """With all events before; single steps past that strain find no jammed minimum, steps short of it do."""
+    packing = jampetsc.pack(n=16, pressure=1e-4, seed=seed, dimension=dimension)
+    path = jampetsc.shear(packing, step=5e-3, strain=2e-2, events=True, discard=0.0)
+    end = path.attributes["came_apart"]
+    np.testing.assert_allclose(path["strain"], [5e-3, 1e-2, end])
+    assert 0.01 < end < 0.015 and path["jammed"].tolist() == [1, 1, 0] and abs(path["pressure"][-1]) < 1e-12
+    assert f"ended early: particles come apart at strain {end:.6g}." in path.attributes["notes"]
+    shorter = jampetsc.shear(packing, step=5e-3, strain=1e-2, events=True, discard=0.0)
+    count = len(shorter["events/strain"])
+    np.testing.assert_array_equal(path["events/strain"][:count], shorter["events/strain"])
+    assert count and (path["events/strain"] < end).all() and "came_apart" not in shorter.attributes
+    steps = jampetsc.shear(packing, step=end / 20, strain=1.1 * end, discard=0.0)
+    assert steps["jammed"][[18, 21]].tolist() == [1, 0]
+
+
 def test_what_only_events_take(runs):
     packing, _ = runs["disks"]
     with pytest.raises(InputError, match="must be positive without events"):

@@ -70,6 +70,8 @@ merge flow.h5 --out merged.h5
 export flow.h5 --out frames.xyz
 import frames.xyz --out frames.h5
 shear made.h5 --events --d2min --step 1e-2 --strain 0.08 --out events.h5
+pack --n 16 --pressure 1e-4 --seed 1 --out weak.h5
+shear weak.h5 --events --step 1e-2 --strain 0.01 --out apart.h5
 shear --dimension 3 --n 16 --phi 0.7 --step 1e-2 --strain 0.05 --out shear.h5
 flow --dimension 3 --n 16 --phi 0.7 --model RD0 --rate 1e-2 --strain 0.1 --discard 0.02 --out flow3.h5
 jam --dimension 3 --n 16 --phi 0.7 --seeds 1:1 --protocol shear --strain 0.1 --discard 0.05 --step 0.01 --out jam.h5
