@@ -9,10 +9,8 @@ from jampetsc.plots.page import draw_points
 from jampetsc.plots.style import PAGE, hidden, looks
 from papers.pictures.shared import drawn
 
-LINES = (
-    (1.0, (3e-3, 3.0)),
-    (0.5, (3e-1, 3e3)),
-)  # slope of γ_c N² at small and at large pN², and where it is drawn
+# slope of γ_c N² at small and at large pN², and where it is drawn
+LINES = (1.0, (1e-4, 3e-2)), (0.5, (1e1, 1e5))
 
 
 def first_change(result):
