@@ -197,10 +197,12 @@ def model_options(model: Model) -> dict:
 
 def model_code(**options) -> str:
     """Python text of a model that these options describe."""
-    law = {name: value for name, value in options.items() if name not in MOTION}
-    if law:
-        return law_code(**law)
-    return f"jampetsc.models.CDn({', '.join(f'{name}={value!r}' for name, value in options.items())})"
+    motion = ", ".join(f"{name}={value!r}" for name, value in options.items() if name in MOTION)
+    of_law = {name: value for name, value in options.items() if name not in MOTION}
+    if not of_law:
+        return f"jampetsc.models.CDn({motion})"
+    law = "law" if "law" in of_law else law_code(**of_law)
+    return f"jampetsc.models.Model({law}, {motion})" if motion else law
 
 
 MODEL_IN_PYTHON = "jampetsc.models.CDn(mass=…), a damping law, a Model of it or " + ", ".join(

@@ -123,6 +123,12 @@ def test_a_keyword_that_a_function_does_not_have_is_answered_with_what_to_write(
             {"normal": 1.0, "strain": 1.0},
             r"Give model=jampetsc\.ContactDamping\(normal=1\.0\)\.$",
         ),
+        (
+            jampetsc.flow,
+            {"law": jampetsc.ContactDamping(), "mass": 2.0, "strain": 1.0},
+            r"Give model=jampetsc\.models\.Model\(law, mass=2\.0\)\.$",
+        ),
+        (jampetsc.flow, {"law": "contact", "strain": 1.0}, r"Give model=law\.$"),
     ):
         with pytest.raises(TypeError, match=remedy):
             function("p.h5", **given)

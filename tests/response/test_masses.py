@@ -298,27 +298,31 @@ def test_response_in_time(jammed, model):
 
 @REAL
 @pytest.mark.most_ranks(1)
-@pytest.mark.parametrize(("dimension", "tau1"), [(2, 0.7), (3, 1.0)])
-def test_massive_flow_begins_as_the_response_in_time(dimension, tau1):
-    """σ(t) − σ(0) = γ̇ (η + ∫₀ᵗ G dt): steps in time of disks that collide, at a strain too small for new contacts."""
+@pytest.mark.parametrize(
+    ("dimension", "tau1", "rotations"), [(2, 0.7, False), (3, 1.0, False), (2, 1.0, True)]
+)
+def test_massive_flow_begins_as_the_response_in_time(dimension, tau1, rotations):
+    """σ(t) − σ(0) = γ̇ (η + ∫₀ᵗ G dt): steps in time of disks that collide, at a strain too small for new contacts.
+
+    Spins of a flow begin at rest, not with the rotation of affine motion, and need some time to catch up.
+    """
     disks, mass, rate = (
         few_spheres() if dimension == 3 else jampetsc.pack(n=24, pressure=1e-2, seed=3),
         1.5,
         1e-8,
     )
-    model = jampetsc.models.CD(mass=mass, tau1=tau1)
+    law = jampetsc.ContactDamping(rotations=rotations, tau1=tau1)
+    model = jampetsc.models.Model(law, mass=mass)
     flow = jampetsc.flow(disks, model=model, rate=rate, strain=40 * rate, discard=0, step=0.01)
-    omega = np.geomspace(1e-3, 1e2, 20)
-    sweep = jampetsc.sweep(disks, law=model.law, omega=omega, mass=mass, accuracy=1e-6)
+    sweep = jampetsc.sweep(disks, law=law, omega=np.geomspace(1e-3, 1e2, 20), mass=mass, accuracy=1e-6)
     rows, points = np.append(0.0, flow["strain"] / rate), 20  # a row of a flow is a mean over its strain
     time = np.linspace(0.0, rows[-1], points * len(flow["strain"]) + 1)
     viscosity, moduli = sweep.reduced_inertia.b_gg.item(), sweep.stress_relaxation(time)
     expected = viscosity + cumulative_trapezoid(moduli, time, initial=0.0)
-    impulse = cumulative_trapezoid(expected, time, initial=0.0)
+    means = np.diff(cumulative_trapezoid(expected, time, initial=0.0)[::points]) / np.diff(rows)
     found = (flow["shear_stress"].sum(axis=1) - disks.stress[0, 1]) / rate
-    np.testing.assert_allclose(
-        found, np.diff(impulse[::points]) / np.diff(rows), atol=1e-3 * np.ptp(expected)
-    )
+    first = 4 if rotations else 0
+    np.testing.assert_allclose(found[first:], means[first:], atol=1e-3 * np.ptp(expected))
 
 
 @REAL
