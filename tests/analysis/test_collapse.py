@@ -15,7 +15,7 @@ from jampetsc.analysis.collapse_fit import Estimate, drift, estimate, find_minim
 from jampetsc.analysis.correlated_series import Average, mean_of_averages
 from jampetsc.analysis.scaling_collapse import Form, Points, scaled
 from jampetsc.analysis.statistics import half_width, mean_with_error
-from jampetsc.commands.scaling import COMMON_ATTRIBUTES, notes_of, read_points, text_of
+from jampetsc.commands.collapse_points import COMMON_ATTRIBUTES, notes_of, read_points, text_of
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.plots.scaling_plots import plot_branches, plot_scaling
