@@ -128,10 +128,11 @@ class FlowLawFit:
 def fit_flow_law(curve: FlowCurve, form: LawForm) -> FlowLawFit:
     """The fit of a form with its intervals. Raises InputError for too few rates."""
     interrupts.check()
-    if len(curve.rate) < form.min_rates:
+    count = len(curve.rate)
+    if count < form.min_rates:
+        rates = f"{count} rate{'s' * (count != 1)}"
         raise InputError(
-            f"{len(curve.rate)} rates: too few for {named('form')} {form.name} (at least {form.min_rates}). Give "
-            "flows at more rates."
+            f"{rates}: too few for {named('form')} {form.name} (at least {form.min_rates}). Give flows at more rates."
         )
     law, least = least_squares_law(curve, form)
     intervals = (
@@ -140,7 +141,7 @@ def fit_flow_law(curve: FlowCurve, form: LawForm) -> FlowLawFit:
         else _profile_intervals(curve, form, law, least)
     )
     chi2 = float(np.sum(((curve.stress - law.stress(curve.rate)) / curve.error) ** 2))
-    return FlowLawFit(form, law, chi2, len(curve.rate) - len(form.free), intervals)
+    return FlowLawFit(form, law, chi2, count - len(form.free), intervals)
 
 
 def fits_below(curve: FlowCurve, form: LawForm) -> list[tuple[float, FlowLawFit]]:
@@ -148,8 +149,9 @@ def fits_below(curve: FlowCurve, form: LawForm) -> list[tuple[float, FlowLawFit]
 
     A law holds for slow flow, so σ_y can be trusted once it no longer changes with the cut. Raises as `fit_flow_law`.
     """
-    cuts = np.sort(curve.rate)[::-1][: max(1, len(curve.rate) - form.min_rates + 1)]
-    return [(float(cut), fit_flow_law(curve.below(cut), form)) for cut in cuts]
+    count = max(1, len(curve.rate) - form.min_rates + 1)
+    cuts = [*np.sort(curve.rate)[::-1][:count].tolist(), math.inf][:count]
+    return [(cut, fit_flow_law(curve.below(cut), form)) for cut in cuts]
 
 
 def least_squares_law(curve: FlowCurve, form: LawForm, **fixed) -> tuple[FlowLaw, float]:

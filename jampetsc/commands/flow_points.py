@@ -114,20 +114,27 @@ def _origin(result) -> str:
 
 
 def _runs_by_origin(results, key) -> dict:
-    """{key(result): {origin: its attributes}}. Raises InputError where a run is there twice."""
+    """{key(result): {origin: result}}. Raises InputError where a run is there twice."""
     runs = {}
     for result in results:
         own, origin = runs.setdefault(key(result), {}), _origin(result)
         if origin in own:
-            raise InputError(f"{result.path}: rate and start of another file. Give each run once.")
-        own[origin] = result.attributes
+            raise InputError(
+                f"{result.path}: start and rate as in {own[origin].path.name}. Give each run once."
+            )
+        own[origin] = result
     return runs
+
+
+def _facts(runs) -> list:
+    """The attributes of runs by origin."""
+    return [result.attributes for result in runs.values()]
 
 
 def _flow_group(results, label, quasistatic) -> FlowGroup:
     """The group of flows of one kind."""
     runs = dict(sorted(_runs_by_origin(results, lambda result: float(result.attributes["rate"])).items()))
-    rates, rows = np.array(list(runs)), [list(own.values()) for own in runs.values()]
+    rates, rows = np.array(list(runs)), [_facts(own) for own in runs.values()]
     stress, error = np.array([mean_of_facts(row, "shear_stress") for row in rows]).T
     own = np.array([own_error_of_runs(*facts_of(row, "shear_stress")[1:]) for row in rows])
     for rate, value in zip(rates, own, strict=True):
@@ -139,7 +146,10 @@ def _flow_group(results, label, quasistatic) -> FlowGroup:
     seeds = None
     if len(origins) > 1 and all(sorted(own) == origins for own in runs.values()):
         seeds = np.array(
-            [[float(own[origin]["shear_stress_mean"]) for own in runs.values()] for origin in origins]
+            [
+                [float(own[origin].attributes["shear_stress_mean"]) for own in runs.values()]
+                for origin in origins
+            ]
         )
     pressure = np.array([mean_of_facts(row, "pressure") for row in rows])
     curve = FlowCurve(rates, stress, error, own, seeds)
@@ -161,6 +171,6 @@ def _quasistatic_groups(sheared, firsts) -> dict:
         )
 
     return {
-        key: tuple(mean_of_facts(list(own.values()), name) for name in ("shear_stress", "pressure"))
+        key: tuple(mean_of_facts(_facts(own), name) for name in ("shear_stress", "pressure"))
         for key, own in _runs_by_origin(sheared, key_of).items()
     }

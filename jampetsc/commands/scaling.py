@@ -17,7 +17,7 @@ from jampetsc.analysis.flow_laws import (
 from jampetsc.commands.collapse_points import MIN_PROBABILITY
 from jampetsc.commands.flow_points import COLUMNS, FORMATS, read_groups
 from jampetsc.commands.sources import WHERE, files_named, write_derived
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines
 from jampetsc.options.job import Job, files_of
 from jampetsc.options.parameters import FILES, ValueType, optional_parameter, parameter
@@ -46,9 +46,9 @@ class Scaling(Job):
 
     scalar: ClassVar = None
     EPILOG: ClassVar = """examples:
-  jampetsc scaling r*.h5 --form herschel-bulkley --out hb.h5
-  jampetsc scaling r*.h5 qs.h5 --form herschel-bulkley --cut 1e-2 --out hb.h5    # and quasistatic shear
-  jampetsc scaling flows --form herschel-bulkley --by phi --out hb.h5            # the folder of a study
+  jampetsc scaling r-*.h5 --form herschel-bulkley --out hb.h5
+  jampetsc scaling r-*.h5 qs.h5 --form herschel-bulkley --cut 1e-2 --out compared.h5  # with quasistatic shear
+  jampetsc scaling flows --form herschel-bulkley --by phi --out by-phi.h5                # the folder of a study
   jampetsc plot hb.h5 --out hb.png"""
 
     results: Sequence = parameter(
@@ -117,11 +117,8 @@ class Scaling(Job):
 
 def _fits_of(group, form):
     """`fits_below` of a group. Raises InputError, with its file and label, for too few rates."""
-    try:
+    with about(f"{group.first.path}{f', {group.label}' if group.label else ''}"):
         return fits_below(group.curve, form)
-    except InputError as error:
-        words = f"{group.first.path}{f', {group.label}' if group.label else ''}"
-        raise InputError(f"{words}: {error}") from None
 
 
 def _difference(group, fit):

@@ -69,9 +69,11 @@ class Schedule:
                 f"{named('strain')}."
             )
         if steps is None:
-            steps = max(1, round(min(ROW_STRAIN, strain / MIN_ROWS) / (rate * step)))
-            if series is not None:
-                steps = _series_steps(series, steps, rate * step, strain)
+            steps = (
+                round(min(ROW_STRAIN, strain / MIN_ROWS) / (rate * step))
+                if series is None
+                else _series_steps(series, rate * step, strain)
+            )
             if every is not None:  # snapshots are taken after rows
                 steps = min(steps, int(every / (rate * step) + 1e-9))
             steps = max(1, steps)
@@ -139,9 +141,9 @@ class Schedule:
         return replace(self, rows=self.rows + extension.rows)
 
 
-def _series_steps(series, default_steps, strain_step, strain) -> int:
+def _series_steps(series, strain_step, strain) -> int:
     """Time steps of a row of at most `series` in strain; raises InputError for rows that are too long or too many."""
-    longest = default_steps * strain_step
+    longest = max(ROW_STRAIN, strain_step)
     if not strain_step <= series * (1 + 1e-9) <= longest * (1 + 2e-9):
         raise InputError(
             f"{named('series')} {series:g}: must be at least the strain of a time step, {strain_step:.3g}, and at "

@@ -101,9 +101,10 @@ def _draw_start(ax, start, look, label):
     ax.plot(ends, [start.steady] * 2, color=colour, lw=0.9, ls=DASHED, label=hidden(f"{label}, steady"))
     bars = {}
     if np.isfinite(peak.stress_error):
-        sides = [[peak.strain - peak.strain_low], [peak.strain_high - peak.strain]]
-        bars = {"xerr": sides, "yerr": peak.stress_error, "elinewidth": 0.8}
-    ax.errorbar([peak.strain], [peak.stress], ms=4.5, ls="none", label=label, **bars, **look)
+        sides = np.array([[peak.strain - peak.strain_low], [peak.strain_high - peak.strain]])
+        bars = {"xerr": sides, "yerr": np.full(1, peak.stress_error), "elinewidth": 0.8}
+    place = np.array([[peak.strain], [peak.stress]])
+    ax.errorbar(*place, ms=4.5, ls="none", label=label, **bars, **look)
 
 
 def _peak_text(start) -> str:

@@ -10,7 +10,7 @@ from jampetsc.errors import InputError
 from jampetsc.plots.flow_kinds import labels_of
 from jampetsc.plots.flow_plots import QUANTITIES, flow_curves
 from jampetsc.plots.page import draw_band, draw_points
-from jampetsc.plots.picture import count_text, flow_units, group_by, picture
+from jampetsc.plots.picture import count_text, flow_units, group_by, picture, units_of
 from jampetsc.plots.style import COLUMN, DASHED, DOTTED, GREY, entry, hidden, looks
 
 HEIGHT = 3.4  # inches
@@ -85,12 +85,14 @@ def measured_curves(flows, sheared, units) -> list[DrawnCurve]:
         )
         for key, runs in group_by(sheared, _particles).items()
     }
-    kinds = [kind[1:3] for kind in curves]
+    words = str(flows[0].attributes.get("units"))
+    keys = {kind: (*kind[1:3], units.k, words) for kind in curves}
     for result in sheared:
-        if _particles(result) not in kinds:
+        phi, n, k, _ = key = _particles(result)
+        if key not in keys.values():
             raise InputError(
-                f"{result.path}: phi = {_particles(result)[0]:g} and N = {_particles(result)[1]} of no flow. Give "
-                "quasistatic shear of the particles of a flow."
+                f"{result.path}: phi = {phi:g}, N = {n}, k = {k:g}: of no flow. Give quasistatic shear of the "
+                "particles of a flow."
             )
     return [
         DrawnCurve(
@@ -98,15 +100,17 @@ def measured_curves(flows, sheared, units) -> list[DrawnCurve]:
             curve["shear_stress"][0],
             curve["shear_stress"][1:],
             curve["pressure"][1:],
-            quasistatic=quasistatic.get(kind[1:3], ()),
+            quasistatic=quasistatic.get(keys[kind], ()),
         )
         for (kind, curve), label in zip(curves.items(), labels_of(list(curves)), strict=True)
     ]
 
 
 def _particles(result):
-    """φ and N of a shear file as `kind_of` has them."""
-    return round(float(result.attributes["phi"]), 6), int(result.attributes["particle_count"])
+    """φ and N of a shear file as `kind_of` has them, its stiffness and units."""
+    attributes = result.attributes
+    phi, n = round(float(attributes["phi"]), 6), int(attributes["particle_count"])
+    return phi, n, units_of(result).k, str(attributes.get("units"))
 
 
 @picture(
@@ -133,7 +137,7 @@ def plot_flow_curve(results, page):
         )
     if not fits and not flows:
         raise InputError(f"{results[0].path}: quasistatic shear alone. Give flows at several rates as well.")
-    units = flow_units(results)
+    units = flow_units(fits or flows)  # quasistatic shear has no time
     curves = fitted_curves(fits, units) if fits else measured_curves(flows, sheared, units)
     label = units.label(r"\sigma,\ p", "stress")
     ax = page.panels(1, 1, COLUMN, HEIGHT, x=units.label(r"\dot\gamma", "rate"), y=label, log="xy")

@@ -376,6 +376,7 @@ def write_flow(path, phi, rate, n=1024, **more):
     facts |= {"particle_count": n, "pressure_error": 0.01 * value, **HARMONIC}
     facts |= {"pressure_samples": np.inf, "shear_stress_samples": np.inf}
     facts |= {"pressure_mean": value * (1 + 0.01 * rng.standard_normal())}
+    facts |= {"shear_stress_mean": 0.1 * facts["pressure_mean"], "shear_stress_error": 1e-3 * value}
     return str(stored(path, "flow", {"strain": np.arange(3.0)}, **facts | more))
 
 

@@ -1,4 +1,4 @@
-"""Fits of flow curves: planted laws are found again, intervals hold them as often as they say, in any unit and order."""
+"""Fits of flow curves: planted laws are found again, intervals hold them as often as they say, in any unit."""
 
 import math
 from dataclasses import replace
