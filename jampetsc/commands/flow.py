@@ -46,7 +46,7 @@ class Flow(ShearJob):
   jampetsc flow --n 256 --phi 0.78 --model CDn --mass 1 --rate 1e-3 --strain 40 --out cdn.h5
   jampetsc flow --dimension 3 --n 512 --phi 0.65 --model RD0 --rate 1e-3 --strain 10 --out rd0-3d.h5
   jampetsc flow rd0.h5 --strain 20                      # twenty more
-  jampetsc flow p.h5 --model RD0 --rate 1e-3 --strain 3 --series 1e-3 --out start.h5    # its start in fine rows
+  jampetsc flow p.h5 --model RD0 --rate 1e-3 --strain 3 --series 1e-3 --out rows.h5     # its start in fine rows
 
 A killed run continues when the same command is given again. Many particles use several cores, with the same result
 to the last bit; independent runs are faster side by side. The same seed gives the same trajectory where it gives the

@@ -228,8 +228,9 @@ form | text in herschel-bulkley bingham power-law | | the law that was fitted
 groups | text | | what tells the groups apart, in words separated by `; `, empty for one
 dimension | int in 2 3? | | 3 for spheres, else missing
 notes | text? | | warnings about these numbers, separated by `; `
-potential, stiffness, units, sizes, model | text? | | of the files
-mass, exponent | float? | | of the files
-""",
+units, sizes, model | text? | | of the files
+mass | float? | | of the files
+"""
+    + POTENTIAL_ROWS,
     common=PROVENANCE,
 )
