@@ -47,7 +47,7 @@ COMMANDS = {  # format -> commands that read its files; packings lie beside them
     "correlation": ["plot x.h5 --out o.svg", "plot x.h5 --kind length --out o.svg"],
     "oscillate": ["plot x.h5 --out o.svg"],
     "flow": [f"plot x.h5 --kind {kind} --out o.svg" for kind in
-             ("flow", "phi", "regimes", "velocities", "snapshot", "order", "profile", "lanes")]
+             ("flow", "phi", "regimes", "velocities", "snapshot", "order", "profile", "lanes", "start-up")]
             + ["correlate x.h5 --out o.h5", "export x.h5 --out o.xyz", "flow x.h5 --strain 0.02"],
     "shear": [f"plot x.h5 --kind {kind} --out o.svg" for kind in ("strain", "minimum", "fraction", "pressures")],
     "jam": [f"plot x.h5 --kind {kind} --out o.svg" for kind in ("fraction", "pressures", "phi_J")]
@@ -55,6 +55,7 @@ COMMANDS = {  # format -> commands that read its files; packings lie beside them
               "--degree 1 --out o.h5"],
     "velocity-correlation": ["plot x.h5 --out o.svg"],
     "collapse": ["plot x.h5 --kind scaling --out o.svg", "plot x.h5 --kind branches --out o.svg"],
+    "scaling": ["plot x.h5 --out o.svg"],
 }  # fmt: skip
 COMMON = ["info x.h5", "merge x.h5 --out o.h5", "row x.h5"]  # row: of the table of a study
 ONLY_SHOWN = tuple(

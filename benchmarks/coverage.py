@@ -1,6 +1,6 @@
 """How often errors hold what they say: shares of estimates within one error and within two of the true value.
 
-    coverage.py [means shares runs studies collapse]
+    coverage.py [means shares runs studies collapse laws overshoots]
 
 One error is to hold 68 % of cases and two 95 %. Every table draws its series and samples from a fixed seed
 (docs/theory/statistics.md).
@@ -10,6 +10,7 @@ import argparse
 
 import numpy as np
 from planted import collapse
+from planted_flows import laws, overshoots
 
 from jampetsc.analysis.correlated_series import Average, mean_of_averages
 from jampetsc.analysis.jammed_samples import share_of
@@ -154,7 +155,7 @@ def studies():
             )
 
 
-TABLES = {table.__name__: table for table in (means, shares, runs, studies, collapse)}
+TABLES = {table.__name__: table for table in (means, shares, runs, studies, collapse, laws, overshoots)}
 
 
 def main():

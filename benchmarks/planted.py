@@ -4,7 +4,7 @@ import numpy as np
 
 from jampetsc.analysis.collapse_fit import estimate
 from jampetsc.analysis.scaling_collapse import Form, Points, scaled
-from jampetsc.commands.scaling import MIN_PROBABILITY
+from jampetsc.commands.collapse_points import MIN_PROBABILITY
 
 PHIS = (0.835, 0.838, 0.84, 0.842, 0.8433, 0.845, 0.848, 0.85)
 RATES = np.geomspace(1e-6, 1e-3, 6)

@@ -500,6 +500,63 @@ def collapse(
         where a solver does not converge
     """
 
+def scaling(
+    *results: Result | Ensemble | _Path,
+    form: Literal["herschel-bulkley", "bingham", "power-law"] = 'herschel-bulkley',
+    by: str | None = None,
+    where: str | None = None,
+    cut: float | None = None,
+    out: _Path | None = None,
+    checkpoint: _Path | None = None,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Result:
+    """Yield stress by a Herschel–Bulkley, Bingham or power-law fit of flow curves.
+
+    Fit the mean shear stress of flows at several rates of one model, phi and N by
+
+      sigma = sigma_y + A rate^n     (Herschel & Bulkley, Kolloid-Z. 39, 291 (1926))
+
+    bingham has n = 1, power-law has sigma_y = 0. The fit is weighted least squares. 95 % intervals are from the
+    scatter of seeds (jackknife, Student's t) where three or more have all rates, else from the profile of chi^2. The
+    fit is repeated with the largest rates left out one by one: the law holds for slow flow alone. Quasistatic shear
+    of the same particles, if given, is compared with the yield stress.
+
+    Collective.
+
+    Parameters
+    ----------
+    results : result or the name of its file
+        flows at several rates, quasistatic shear to compare with, or the folder of a study
+    form : "herschel-bulkley", "bingham" or "power-law", default herschel-bulkley
+        law to fit
+    by : str, default None
+        settings in which groups of flows differ, each with its own fit: model, mass, phi, n, sizes, potential
+    where : str, default None
+        study: use only the files whose rows in its table have these values
+    cut : number, default None
+        largest rate in the fit (default: all)
+    out : name of a file, default None
+        file of the result (default: in memory; see `Result.save`)
+    checkpoint : name of a file, default None
+        file beside which a long run saves its finished steps, to resume from them (default: out)
+    overwrite : bool, default False
+        compute again and replace a finished result at out; otherwise a finished result of the same settings and inputs is returned, and one of other settings raises InputError
+    progress : bool, default False
+        whether to report progress on stderr
+
+    Returns
+    -------
+    what `load` gives for a jampetsc-scaling file
+
+    Raises
+    ------
+    InputError
+        for values that cannot be used, naming them
+    ConvergenceError
+        where a solver does not converge
+    """
+
 def sweep(
     packing: Packing | Network | _Path,
     law: Law | str = ...,
@@ -807,6 +864,7 @@ def flow(
     snapshots: int | None = None,
     snapshot_every: float | None = None,
     snapshot_spacing: Literal["even", "log"] | None = None,
+    series: float | None = None,
     step: float | None = None,
     tolerance: float | None = None,
     out: _Path | None = None,
@@ -862,6 +920,8 @@ def flow(
         strain between snapshots, instead of their number
     snapshot_spacing : "even" or "log", default None
         log: states at strains that grow by a factor, for mean square displacements (default even)
+    series : number, default None
+        strain of a row of the series, finer than by default; the state at γ = 0 is kept as well, for the start of the flow
     step : number, default None
         time step, a time as tau1 (default: by the model)
     tolerance : number, default None

@@ -138,20 +138,28 @@ def mean_of_runs(means, errors, samples) -> tuple[float, float]:
     Both are widened by Student's factor: for R − 1 degrees of freedom, and for all degrees of freedom of the runs. nan
     for one run without an error.
     """
-    means, errors, samples = (np.asarray(values, float) for values in (means, errors, samples))
-    finite = np.isfinite(errors)
-    plain = errors[finite] / [_widening(count) for count in samples[finite]]
-    own = (
-        np.sqrt(np.mean(plain**2) / len(means)) * _widening(samples[finite].sum()) if finite.any() else np.nan
-    )
     mean, scatter = mean_with_error(means)
-    return float(mean), float(np.fmax(own, scatter))
+    return float(mean), float(np.fmax(own_error_of_runs(errors, samples), scatter))
+
+
+def own_error_of_runs(errors, samples) -> float:
+    """The error of the mean of runs (R,) from their own errors alone, parameters as `mean_of_runs`."""
+    errors, samples = (np.asarray(values, float) for values in (errors, samples))
+    finite = np.isfinite(errors)
+    if not finite.any():
+        return math.nan
+    plain = errors[finite] / [_widening(count) for count in samples[finite]]
+    return float(np.sqrt(np.mean(plain**2) / len(errors)) * _widening(samples[finite].sum()))
+
+
+def facts_of(runs, name: str) -> list:
+    """[means, errors, samples] of a quantity in the attributes of runs: NAME_mean, NAME_error, NAME_samples."""
+    return [[float(run[f"{name}_{part}"]) for run in runs] for part in ("mean", "error", "samples")]
 
 
 def mean_of_facts(runs, name: str) -> tuple[float, float]:
-    """`mean_of_runs` of a quantity in the attributes of runs: NAME_mean, NAME_error, NAME_samples."""
-    parts = ("mean", "error", "samples")
-    return mean_of_runs(*([float(run[f"{name}_{part}"]) for run in runs] for part in parts))
+    """`mean_of_runs` of a quantity in the attributes of runs, see `facts_of`."""
+    return mean_of_runs(*facts_of(runs, name))
 
 
 def mean_of_averages(averages) -> tuple[float, float]:

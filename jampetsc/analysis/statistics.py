@@ -15,11 +15,11 @@ CONFIDENCE_LEVEL = 0.6827  # of an interval: one standard deviation to either si
 
 
 @functools.lru_cache
-def half_width(degrees: float) -> float:
-    """Student's t at CONFIDENCE_LEVEL for `degrees` of freedom, > 0: by how much a standard error widens."""
+def half_width(degrees: float, level: float = CONFIDENCE_LEVEL) -> float:
+    """Student's t at a confidence level for `degrees` of freedom, > 0: by how much a standard error widens."""
     from scipy.special import stdtrit  # takes a while to import
 
-    return float(stdtrit(degrees, 0.5 * (1.0 + CONFIDENCE_LEVEL)))
+    return float(stdtrit(degrees, 0.5 * (1.0 + level)))
 
 
 def small_sample_factor(count: int) -> float:

@@ -15,6 +15,7 @@ JOBS = {
     "merge": "merge:Merge",
     "info": "info:Info",
     "collapse": "collapse:Collapse",
+    "scaling": "scaling:Scaling",
     "sweep": "sweep:Sweep",
     "quasistatic": "quasistatic:Quasistatic",
     "modes": "modes:Modes",

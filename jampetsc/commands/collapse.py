@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.analysis.scaling_collapse import form_named, words_of
-from jampetsc.commands.sources import WHERE, rows_named, write_derived
+from jampetsc.commands.sources import WHERE, files_named, write_derived
 from jampetsc.errors import InputError, as_float, named
-from jampetsc.io.ensemble import Ensemble
 from jampetsc.io.provenance import recorded_dimension
 from jampetsc.io.results import note_lines
 from jampetsc.options.job import Job, files_of
@@ -104,13 +103,9 @@ examples:
 
     def _sources(self) -> list:
         """The inputs: files, of a study the files of its rows, and results in memory."""
-        from jampetsc.commands import scaling
+        from jampetsc.commands.collapse_points import FORMATS
 
-        sources = []
-        for item in rows_named(self.results, self.where):
-            is_study = isinstance(item, Ensemble)
-            sources += scaling.files_of(item, self.finite_size, self.where) if is_study else [item]
-        return sources
+        return files_named(self.results, self.where, FORMATS[self.finite_size])
 
     @property
     def paths(self):
@@ -124,13 +119,13 @@ examples:
 
     def work(self, to):
         from jampetsc.analysis.collapse_fit import drift
-        from jampetsc.commands import scaling
+        from jampetsc.commands import collapse_points
 
         start_time, form = time.perf_counter(), self.form
         results = [load_source(source) for source in self._sources()]
-        points = scaling.read_points(results, self.observable, self.finite_size)
+        points = collapse_points.read_points(results, self.observable, self.finite_size)
         low, high = self.range or (0.0, math.inf)
-        to_length = scaling.LENGTH[recorded_dimension(results[0].attributes)]
+        to_length = collapse_points.LENGTH[recorded_dimension(results[0].attributes)]
         largest = (
             math.inf if self.cut is None else 1.0 / to_length(self.cut) if self.finite_size else self.cut
         )
@@ -141,7 +136,7 @@ examples:
             )
         cuts = drift(points, form)
         _, fit, estimates = cuts[0]
-        notes = scaling.notes_of(points, fit, estimates, self.finite_size)
+        notes = collapse_points.notes_of(points, fit, estimates, self.finite_size)
         arrays, facts = self._arrays(points, fit, cuts), self._attributes(results[0], fit, estimates)
         write_derived(to, self.FORMAT, results, start_time, arrays, notes, **facts)
         return _summary(to, self, points, cuts, notes)
@@ -201,7 +196,7 @@ def _in_user_units(cut, points, finite_size) -> float:
 
 def _summary(to, job, points, cuts, notes) -> str:
     """The summary."""
-    from jampetsc.commands.scaling import text_of
+    from jampetsc.commands.collapse_points import text_of
 
     (_, fit, estimates), *further = cuts
     lines = [

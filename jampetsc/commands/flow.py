@@ -46,6 +46,7 @@ class Flow(ShearJob):
   jampetsc flow --n 256 --phi 0.78 --model CDn --mass 1 --rate 1e-3 --strain 40 --out cdn.h5
   jampetsc flow --dimension 3 --n 512 --phi 0.65 --model RD0 --rate 1e-3 --strain 10 --out rd0-3d.h5
   jampetsc flow rd0.h5 --strain 20                      # twenty more
+  jampetsc flow p.h5 --model RD0 --rate 1e-3 --strain 3 --series 1e-3 --out rows.h5     # its start in fine rows
 
 A killed run continues when the same command is given again. Many particles use several cores, with the same result
 to the last bit; independent runs are faster side by side. The same seed gives the same trajectory where it gives the
@@ -72,6 +73,12 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
     snapshot_spacing: str | None = run_parameter(
         "log: states at strains that grow by a factor, for mean square displacements (default even)",
         choices=("even", "log"),
+    )
+    series: float | None = run_parameter(
+        "strain of a row of the series, finer than by default; the state at γ = 0 is kept as well, for the start of "
+        "the flow",
+        above=0.0,
+        metavar="S",
     )
     step: float | None = run_parameter(
         "time step, a time as tau1 (default: by the model)", above=0.0, metavar="DT"
@@ -251,6 +258,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
             snapshots=self.snapshots or 0,
             every=self.snapshot_every,
             spacing=self.snapshot_spacing or "even",
+            series=self.series,
             step=self.step,
             tolerance=self.tolerance or TOLERANCE,
         )

@@ -103,6 +103,8 @@ class Plot(Job):
   jampetsc plot ensemble --where beta=1e-3 --out beta.png           # results with this beta
   jampetsc plot rd0-*.h5 --size 7,4 --csv flow.csv --out flow.pdf     # flow curves of several rates
   jampetsc plot rd0-*.h5 --kind stress --out stress.pdf               # sigma alone against the rate
+  jampetsc plot hb.h5 --out hb.png                                    # sigma and p of a fit of `scaling`
+  jampetsc plot rows.h5 --kind start-up --out start.png               # sigma against strain before it is steady
   jampetsc plot rd0-*.h5 --panels a,f --out two.pdf                   # two panels of six
   jampetsc plot s1e-2.h5 s1e-3.h5 --label first,second --color tab:red,black --out two.png
   jampetsc plot ensemble --kind loss --where beta=1e-3 --by pressure --out by.png   # means over all else

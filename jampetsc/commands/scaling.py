@@ -1,188 +1,249 @@
-"""The data of a collapse, points of an observable against φ and rate or size from results; its outcome in words."""
+"""Yield stress by fits of flow curves."""
 
 import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
-import numpy as np
+from jampetsc.analysis.flow_laws import (
+    CONSISTENCY,
+    FLOW_INDEX,
+    FORMS,
+    PARAMETERS,
+    YIELD_STRESS,
+    fits_below,
+)
+from jampetsc.commands.collapse_points import MIN_PROBABILITY
+from jampetsc.commands.flow_points import COLUMNS, FORMATS, read_groups
+from jampetsc.commands.sources import WHERE, files_named, write_derived
+from jampetsc.errors import InputError, about, named
+from jampetsc.io.results import note_lines
+from jampetsc.options.job import Job, files_of
+from jampetsc.options.parameters import FILES, ValueType, optional_parameter, parameter
+from jampetsc.options.values import RESULT, load_source, refuse_repeated, split_list
 
-from jampetsc.analysis.collapse_fit import degrees_above, parameter_ranges
-from jampetsc.analysis.correlated_series import Average, mean_of_averages, mean_of_runs
-from jampetsc.analysis.jammed_samples import runs_of, share_of
-from jampetsc.analysis.scaling_collapse import PARAMETERS, Points, words_of
-from jampetsc.errors import InputError, named
-from jampetsc.io.provenance import recorded_dimension
-from jampetsc.options.values import input_name
-
-FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
+SYMBOLS = {YIELD_STRESS: "sigma_y", CONSISTENCY: "A", FLOW_INDEX: "n"}
 COMMON_ATTRIBUTES = (
-    "dimension", "model", "mass", "sizes", "potential", "exponent", "stiffness", "protocol", "cooling_rate",
-    "separated", "units", "k", "tau1",
+    "dimension", "model", "mass", "sizes", "potential", "exponent", "stiffness", "units", "tau1",
 )  # fmt: skip
-LENGTH = {2: np.sqrt, 3: np.cbrt}  # L = N^(1/D) of D dimensions
-PHI_DECIMALS = 6  # of packing fractions that count as equal
-# of χ²; below, the form or the errors are wrong, above 1 − this the errors are too large
-MIN_PROBABILITY = 0.01
+NORMAL_95 = 1.96  # half of a 95 % interval over half of a 68 % one
 
 
-def read_points(results, observable: str, finite_size: bool) -> Points:
-    """The observable of all files, averaged over files of one φ and rate or size.
+@dataclass(frozen=True, eq=False)
+class Scaling(Job):
+    """Yield stress by a Herschel–Bulkley, Bingham or power-law fit of flow curves.
 
-    Raises InputError for files of several kinds, or of a kind that is not scaled so, and for a file given twice.
+    Fit the mean shear stress of flows at several rates of one model, phi and N by
+
+      sigma = sigma_y + A rate^n     (Herschel & Bulkley, Kolloid-Z. 39, 291 (1926))
+
+    bingham has n = 1, power-law has sigma_y = 0. The fit is weighted least squares. 95 % intervals are from the
+    scatter of seeds (jackknife, Student's t) where three or more have all rates, else from the profile of chi^2. The
+    fit is repeated with the largest rates left out one by one: the law holds for slow flow alone. Quasistatic shear
+    of the same particles, if given, is compared with the yield stress.
     """
-    groups, seen = {}, {}
-    for result in results:
-        _check(result, results[0], finite_size)
-        for phi, scale, origin, values in _rows(result, observable, finite_size):
-            key = round(phi, PHI_DECIMALS), scale
-            if (*key, origin) in seen:
-                raise InputError(
-                    f"{result.path}: phi = {phi:g} from {origin} is in {seen[*key, origin]} as well. Give each run "
-                    "once."
-                )
-            seen[*key, origin] = result.path.name
-            groups.setdefault((*key, int(result.attributes["particle_count"])), []).append(values)
-    rows = [
-        (*key, *_mean(runs, observable), len(runs))
-        for key, runs in sorted(groups.items())
-        if observable == "jammed" or np.any(np.concatenate([np.atleast_1d(run) for run in runs]))
-    ]  # where nothing is jammed a stress is 0 without an error, which cannot be weighted
-    phi, scale, size, value, error, count = np.array(rows, float).reshape(-1, 6).T
-    if not finite_size and len(set(size)) > 1:
-        raise InputError(
-            f"{results[0].path}: N = {min(size):g}, other files up to {max(size):g}. Give files of one N to scale "
-            "with rates."
-        )
-    return Points(phi, scale, value, error, size, count)
 
+    scalar: ClassVar = None
+    EPILOG: ClassVar = """examples:
+  jampetsc scaling r-*.h5 --form herschel-bulkley --out hb.h5
+  jampetsc scaling r-*.h5 qs.h5 --form herschel-bulkley --cut 1e-2 --out compared.h5  # with quasistatic shear
+  jampetsc scaling flows --form herschel-bulkley --by phi --out by-phi.h5                # the folder of a study
+  jampetsc plot hb.h5 --out hb.png"""
 
-def _setting(result, name):
-    return recorded_dimension(result.attributes) if name == "dimension" else result.attributes.get(name)
-
-
-def _check(result, first, finite_size):
-    """Raise InputError unless a file is of a kind that is scaled, and has the same settings as the first."""
-    if getattr(result, "format", "") not in FORMATS[finite_size]:
-        supported = (
-            "jam and shear files"
-            if finite_size
-            else f"flow files, or add {named('finite_size')} for jam and shear files"
-        )
-        raise InputError(f"{input_name(result)}: not supported. Give {supported}.")
-    for name in COMMON_ATTRIBUTES:
-        value, expected = (_setting(item, name) for item in (result, first))
-        if value != expected and not (name == "protocol" and result.format != first.format):
-            raise InputError(
-                f"{result.path}: {name} {value}, but {first.path.name} has {expected}. Give files of one kind."
-            )
-
-
-def _rows(result, observable, finite_size):
-    """[(φ, scale, origin, values)] of a file; values: (mean, error, samples), or the series of one run.
-
-    The stress of a state that is not jammed, which the minimiser leaves near zero, is set to 0.
-    """
-    a = result.attributes
-    n = int(a["particle_count"])
-    scale = 1.0 / float(LENGTH[recorded_dimension(a)](n)) if finite_size else float(a["rate"])
-    origin = f"seed {a['seed']}" if "seed" in a else str(a.get("packing", "a packing"))
-    if finite_size:
-        if observable not in result:
-            raise InputError(f"{result.path}: no dataset {observable}. Choose pressure or jammed.")
-        values, has_seeds = result[observable].astype(float), "seed" in result
-        values[result["jammed"] == 0] = 0.0
-        finite_runs = ((*run, rows[np.isfinite(values[rows])]) for *run, rows in runs_of(result))
-        return [
-            (phi, scale, f"seed {seed:g}" if has_seeds else origin, values[rows])
-            for phi, seed, rows in finite_runs
-            if len(rows)
-        ]
-    if observable == "jammed":
-        raise InputError(
-            f"{result.path}: {named('observable')} jammed without {named('finite_size')}. Add {named('finite_size')}."
-        )
-    mean = tuple(a[f"{observable}_{part}"] for part in ("mean", "error", "samples"))
-    return [(float(a["phi"]), scale, origin, mean)]
-
-
-def _mean(runs, observable):
-    """(value, error) of what `_rows` gives for one φ and scale."""
-    if isinstance(runs[0], tuple):
-        return mean_of_runs(*np.array(runs, float).T)
-    if observable == "jammed":
-        share = share_of(runs)
-        return share.value, share.error
-    return mean_of_averages([Average.of(run) for run in runs])
-
-
-def files_of(rows, finite_size, where) -> list[str]:
-    """The files of the flow, or jam and shear tasks of a study, an `Ensemble`. Raises InputError for none."""
-    commands = [name.removeprefix("jampetsc-") for name in FORMATS[finite_size]]
-    done = rows.where(state="done", command=commands)
-    if not done.rows:
-        here = f" where {where}" if where else ""
-        raise InputError(
-            f"{rows.path}: no finished {' or '.join(commands)} task{here}. Run such tasks in the study first."
-        )
-    return [str(rows.path / name) for name in done["file"].tolist()]
-
-
-def text_of(parameters, estimates, finite_size) -> str:
-    """phi_J = 0.8433 ± 0.0002, znu > 2.7, … of {parameter: value}, and {parameter: Estimate} of those fitted."""
-    symbols = words_of(finite_size)
-    names = [name for name in PARAMETERS if name in parameters]
-    return ", ".join(
-        f"{symbols[name]} {_with_error(parameters[name], estimates.get(name))}" for name in names
+    results: Sequence = parameter(
+        help="flows at several rates, quasistatic shear to compare with, or the folder of a study",
+        value_type=RESULT,
+        place=FILES,
+    )
+    form: str = parameter("herschel-bulkley", "law to fit", choices=tuple(FORMS))
+    by: tuple | None = optional_parameter(
+        f"settings in which groups of flows differ, each with its own fit: {', '.join(COLUMNS)}",
+        value_type=ValueType(split_list, ",".join, metavar="NAME,…"),
+    )
+    where: str | None = WHERE
+    cut: float | None = optional_parameter(
+        "largest rate in the fit (default: all)", above=0.0, high=1e300, metavar="R"
     )
 
+    def check(self):
+        """Refuse unknown and repeated names in `by`."""
+        by = self.by or ()
+        for name in by:
+            if name not in COLUMNS:
+                raise InputError(
+                    f"{named('by')} {name}: not supported. Choose one or several of {', '.join(COLUMNS)}."
+                )
+        if len(set(by)) < len(by):
+            raise InputError(f"{named('by')} {','.join(by)}: a name twice. Leave one out.")
 
-def _with_error(value, estimate):
-    if estimate is None:
-        return f"= {value:.6g} fixed"
-    if estimate.decided and estimate.uneven:
-        return f"= {value:.5g} (2 sigma: {estimate.low:.5g} to {estimate.high:.5g})"
-    if estimate.decided:
-        return f"= {value:.5g} ± {estimate.error:.2g}"
-    if math.isfinite(estimate.low):
-        return f"> {estimate.low:.5g}"
-    return f"< {estimate.high:.5g}" if math.isfinite(estimate.high) else "undecided"
+    def _sources(self) -> list:
+        """The inputs: files, of a study the files of its rows, and results in memory."""
+        return files_named(self.results, self.where, FORMATS)
+
+    @property
+    def paths(self):
+        """See `Job`; of a study the files of its rows."""
+        return files_of(self._sources())
+
+    def check_outputs(self, to):
+        """Refuse a result given twice, and an output that may not be replaced."""
+        refuse_repeated(self._sources())
+        super().check_outputs(to)
+
+    def work(self, to):
+        start_time = time.perf_counter()
+        results = [load_source(source) for source in self._sources()]
+        cut, by = math.inf if self.cut is None else self.cut, self.by or ()
+        groups = [group.below(cut) for group in read_groups(results, by)]
+        fits = [_fits_of(group, FORMS[self.form]) for group in groups]
+        notes = [
+            note for group, own in zip(groups, fits, strict=True) for note in _notes_of(group, own[0][1])
+        ]
+        first = groups[0].first
+        facts = {
+            **{name: first.attributes.get(name) for name in COMMON_ATTRIBUTES if name not in by},
+            "form": self.form,
+            "groups": "; ".join(group.label for group in groups),
+        }
+        write_derived(to, self.FORMAT, results, start_time, _arrays(groups, fits), notes, **facts)
+        lines = [
+            f"{to}: {self.form} fit of {sum(len(group.runs) for group in groups)} points, 95 % intervals"
+        ]
+        for group, own in zip(groups, fits, strict=True):
+            lines += _group_lines(group, own)
+        return "\n".join(lines + note_lines(notes))
 
 
-def notes_of(points: Points, fit, estimates, finite_size) -> list[str]:
-    """Warnings about the numbers of a fit."""
-    symbols = words_of(finite_size)
-    lowest, highest = points.phi.min(), points.phi.max()
-    degrees = degrees_above(points, fit.form)
-    notes = []
+def _fits_of(group, form):
+    """`fits_below` of a group. Raises InputError, with its file and label, for too few rates."""
+    with about(f"{group.first.path}{f', {group.label}' if group.label else ''}"):
+        return fits_below(group.curve, form)
+
+
+def _difference(group, fit):
+    """(σ_y − σ, low, high) of the yield stress and quasistatic σ, 95 % interval; nan without one of them."""
+    if group.quasistatic is None or YIELD_STRESS not in fit.intervals:
+        return (math.nan,) * 3
+    (stress, error), _ = group.quasistatic
+    value, (low, high) = fit.law.yield_stress, fit.intervals[YIELD_STRESS]
+    sides = (math.hypot(end - value, NORMAL_95 * error) for end in (low, high))
+    down, up = sides
+    return value - stress, value - stress - down, value - stress + up
+
+
+def _arrays(groups, fits) -> dict:
+    """{name: array} of the points, the groups, and the fits with largest rates left out."""
+    import numpy as np
+
+    best = [own[0][1] for own in fits]
+    sizes = [len(group.runs) for group in groups]
+    drift = [(place, cut, fit) for place, own in enumerate(fits) for cut, fit in own]
+    no_shear = ((math.nan, math.nan),) * 2
+    curves, sheared = [group.curve for group in groups], [group.quasistatic or no_shear for group in groups]
+    residuals = [
+        (curve.stress - fit.law.stress(curve.rate)) / curve.error
+        for curve, fit in zip(curves, best, strict=True)
+    ]
+    pressure = np.concatenate([group.pressure for group in groups])
+    arrays = {
+        "group": np.repeat(np.arange(len(groups)), sizes),
+        "rate": np.concatenate([curve.rate for curve in curves]),
+        "shear_stress": np.concatenate([curve.stress for curve in curves]),
+        "shear_stress_error": np.concatenate([curve.error for curve in curves]),
+        "pressure": pressure[:, 0],
+        "pressure_error": pressure[:, 1],
+        "runs": np.concatenate([group.runs for group in groups]),
+        "residual": np.concatenate(residuals),
+        "groups/phi": np.array([float(group.first.attributes["phi"]) for group in groups]),
+        "groups/N": np.array([int(group.first.attributes["particle_count"]) for group in groups]),
+        "groups/seeds": np.array([group.seed_count for group in groups]),
+        "groups/jackknifed": np.array([curve.is_jackknifed for curve in curves]),
+        "groups/chi2": np.array([fit.chi2 for fit in best]),
+        "groups/dof": np.array([fit.dof for fit in best]),
+        "groups/probability": np.array([fit.probability for fit in best]),
+        **{
+            f"groups/quasistatic_{name}": np.array([own[part][column] for own in sheared])
+            for part, quantity in enumerate(("shear_stress", "pressure"))
+            for column, name in enumerate((quantity, f"{quantity}_error"))
+        },
+        **dict(
+            zip(
+                ("groups/difference", "groups/difference_low", "groups/difference_high"),
+                np.array([_difference(group, fit) for group, fit in zip(groups, best, strict=True)]).T,
+                strict=True,
+            )
+        ),
+        "drift/group": np.array([place for place, _, _ in drift]),
+        "drift/cut": np.array([cut for _, cut, _ in drift]),
+        "drift/probability": np.array([fit.probability for _, _, fit in drift]),
+    }
+    for folder, some in (("groups", best), ("drift", [fit for _, _, fit in drift])):
+        for name in PARAMETERS:
+            ends = np.array([fit.intervals.get(name, (math.nan, math.nan)) for fit in some])
+            arrays |= {
+                f"{folder}/{name}": np.array([getattr(fit.law, name) for fit in some]),
+                f"{folder}/{name}_low": ends[:, 0],
+                f"{folder}/{name}_high": ends[:, 1],
+            }
+    return arrays
+
+
+def _group_lines(group, fits) -> list[str]:
+    """Lines of a summary about a group: its fit, quasistatic shear, and fits with largest rates left out."""
+    (_, best), *further = fits
+    way = f"jackknife over {group.seed_count} seeds" if group.curve.is_jackknifed else "profile of chi2"
+    start = f"{group.label}: " if group.label else ""
+    lines = [
+        f"  {start}{_law_text(best)} ({way}), chi2/dof = {best.chi2 / best.dof:.3g}, probability "
+        f"{best.probability:.2g}"
+    ]
+    if group.quasistatic is not None:
+        (stress, error), _ = group.quasistatic
+        difference, low, high = _difference(group, best)
+        compared = (
+            f"; sigma_y is {difference:+.2g} from it ({low:+.2g} to {high:+.2g})"
+            if math.isfinite(difference)
+            else ""
+        )
+        lines.append(f"    quasistatic sigma = {stress:.5g} ± {error:.2g}{compared}")
+    lines += [f"    rates <= {cut:.4g}: {_law_text(fit)}" for cut, fit in further]
+    return lines
+
+
+def _law_text(fit) -> str:
+    """sigma_y = 1.02e-3 (9.8e-4 to 1.06e-3), A = …, n = 1 fixed."""
+    words = []
+    for name in PARAMETERS:
+        value = getattr(fit.law, name)
+        if name not in fit.intervals:
+            words.append(f"{SYMBOLS[name]} = {value:g} fixed")
+            continue
+        low, high = fit.intervals[name]
+        words.append(f"{SYMBOLS[name]} = {value:.4g} ({low:.3g} to {high:.3g})")
+    return ", ".join(words)
+
+
+def _notes_of(group, fit) -> list[str]:
+    """Warnings about the numbers of a fit, see `io.results`."""
+    notes, whose = [], f" ({group.label})" if group.label else ""
+    if YIELD_STRESS in fit.intervals and not fit.resolves_yield_stress:
+        low = fit.intervals[YIELD_STRESS][0]
+        notes.append(
+            f"the yield stress is not resolved: its 95 % interval, from {low:.2g}, includes 0{whose}. Give lower "
+            "rates, longer flows, or denser packings"
+        )
     if fit.probability < MIN_PROBABILITY:
         notes.append(
-            "the form does not describe the data within their errors: cut the data, or fit corrections"
-        )
-    if fit.common:
-        variable = "size" if finite_size else "rate"
-        notes.append(
-            f"points of one {variable} scatter about their mean by {math.sqrt(1.0 - fit.common):.0%} of their "
-            f"errors: they are too large, or common to a {variable}; {fit.common:.0%} of their squares are fitted as "
-            "common"
+            f"the law does not describe the stresses within their errors: probability {fit.probability:.1g}{whose}. "
+            f"Leave out high rates by {named('cut')}"
         )
     if fit.probability > 1.0 - MIN_PROBABILITY:
-        notes.append("chi2 is far too small: the errors of the data are too large, and so are these")
-    if "phi_J" in estimates and not lowest < fit.parameters["phi_J"] < highest:
-        notes.append(f"phi_J = {fit.parameters['phi_J']:.5g} is outside the data, {lowest:g} to {highest:g}")
-    for name, estimate in estimates.items():
-        symbol = symbols[name]
-        if not estimate.decided:
-            low, high = parameter_ranges(points)[name]
-            notes.append(
-                f"the data do not determine {symbol}: its 2 sigma interval reaches an end of its range, {low:.5g} "
-                f"to {high:.5g}"
-            )
-        elif estimate.uneven:
-            notes.append(
-                f"{symbol} has uneven errors: use its 2 sigma interval, {estimate.low:.5g} to {estimate.high:.5g}"
-            )
-        if estimate.left_to_degree:
-            notes.append(
-                f"{symbol} changes by {estimate.shift:.2g} with the degree, which is in its error: try a higher one"
-            )
-    if not degrees:
-        notes.append("too few points for a higher degree: what it would change is not in the errors")
+        notes.append(f"chi2 is far too small: the errors of the flows are too large, and so are these{whose}")
+    if not all(map(math.isfinite, fit.intervals.get(FLOW_INDEX, (0.0, 0.0)))):
+        notes.append(f"n is not determined: its interval reaches an end of its range{whose}. Give more rates")
+    if fit.law.consistency <= 0.0:
+        notes.append(
+            f"the stress does not rise with the rate: A = {fit.law.consistency:.3g}{whose}. Give more rates"
+        )
     return notes

@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 from jampetsc.errors import InputError, named
-from jampetsc.io.ensemble import TABLE
+from jampetsc.io.ensemble import TABLE, Ensemble
 from jampetsc.io.provenance import derived_from
 from jampetsc.io.reader import load
 from jampetsc.io.results import noted
@@ -41,6 +41,26 @@ def rows_named(sources, where) -> list:
                     f"{named('where')} {where}: no such row in {study.table}. Choose among: {available}."
                 )
     return results
+
+
+def files_named(sources, where, formats) -> list:
+    """`rows_named`, with the files of these formats in place of each study. Raises InputError for a study without any.
+
+    formats    names of formats, each of the command of this name
+    """
+    commands, files = [name.removeprefix("jampetsc-") for name in formats], []
+    for item in rows_named(sources, where):
+        if not isinstance(item, Ensemble):
+            files.append(item)
+            continue
+        done = item.where(state="done", command=commands)
+        if not done.rows:
+            here = f" where {where}" if where else ""
+            raise InputError(
+                f"{item.path}: no finished {' or '.join(commands)} task{here}. Run such tasks in the study first."
+            )
+        files += [str(item.path / name) for name in done["file"].tolist()]
+    return files
 
 
 def _values(column) -> str:

@@ -22,6 +22,7 @@ ROW_STRAIN = 1e-2  # strain between rows: several per correlation strain (0.05 t
 MIN_ROWS = 50  # into which a short run is divided
 MAX_CHECKS = 50  # of the energy balance, evenly over the rows
 MAX_TIME_STEPS = 1e12  # time steps of a run
+MAX_SERIES_ROWS = 10**6  # of a series with its own spacing
 MAX_START_OVERLAP = 0.5  # of two disks of a start, in units of σ
 MIN_PRESSURE = 1e-6  # p/(γ̇ kτ₁) below which disks are taken not to touch: overlaps of a start fade slowly
 # most time steps of one call, and that times disks, some seconds: Ctrl-C is raised between calls
@@ -35,7 +36,7 @@ class Schedule:
 
     After what is discarded there is a snapshot every `every` rows, or, with a `factor`, at once and after 1,
     factor, factor², … rows. A continued run keeps this rule. If nothing is discarded, the start is also a snapshot,
-    unless one alone is requested: `start` is False.
+    unless one alone is requested: `start` is False. With `has_start_row` the state at γ = 0 is kept beside the rows.
     """
 
     steps: int
@@ -44,10 +45,11 @@ class Schedule:
     every: float = 0.0  # 0: no snapshots
     factor: float = 0.0
     start: bool = True
+    has_start_row: bool = False
 
     @classmethod
     def of(
-        cls, rate, step, strain, discard, snapshots=0, steps=None, every=None, spacing="even"
+        cls, rate, step, strain, discard, snapshots=0, steps=None, every=None, spacing="even", series=None
     ) -> "Schedule":
         """The schedule that covers `strain`.
 
@@ -55,6 +57,7 @@ class Schedule:
         snapshots   how many: with `spacing` "even" the last one at the end, "log" at strains since `discard` that grow
                     by a factor
         every       instead: strain from one to the next
+        series      strain of a row, for a series finer than by default that has the state at γ = 0
 
         Raises InputError for more time steps or snapshots than there can be.
         """
@@ -66,12 +69,17 @@ class Schedule:
                 f"{named('strain')}."
             )
         if steps is None:
-            steps = round(min(ROW_STRAIN, strain / MIN_ROWS) / (rate * step))
+            steps = (
+                round(min(ROW_STRAIN, strain / MIN_ROWS) / (rate * step))
+                if series is None
+                else _series_steps(series, rate * step, strain)
+            )
             if every is not None:  # snapshots are taken after rows
                 steps = min(steps, int(every / (rate * step) + 1e-9))
             steps = max(1, steps)
         row = steps * rate * step
-        schedule = cls(steps, max(1, int(np.ceil(strain / row - 1e-9))), discard)
+        rows = max(1, int(np.ceil(strain / row - 1e-9)))
+        schedule = cls(steps, rows, discard, has_start_row=series is not None)
         first = schedule.first_averaged_row(rate * step)
         kept = schedule.rows - first
         if snapshots > kept:
@@ -131,6 +139,22 @@ class Schedule:
         """The schedule of a run continued by `strain`; raises InputError as `of`."""
         extension = Schedule.of(rate, step, strain, 0.0, steps=self.steps)
         return replace(self, rows=self.rows + extension.rows)
+
+
+def _series_steps(series, strain_step, strain) -> int:
+    """Time steps of a row of at most `series` in strain; raises InputError for rows that are too long or too many."""
+    longest = max(ROW_STRAIN, strain_step)
+    if not strain_step <= series * (1 + 1e-9) <= longest * (1 + 2e-9):
+        raise InputError(
+            f"{named('series')} {series:g}: must be at least the strain of a time step, {strain_step:.3g}, and at "
+            f"most that of a row without it, {longest:.3g}"
+        )
+    if strain / series > MAX_SERIES_ROWS:
+        raise InputError(
+            f"{named('series')} {series:g}: {strain / series:.2g} rows (at most {MAX_SERIES_ROWS:.0e}). Give a larger "
+            f"one, or a shorter {named('strain')}."
+        )
+    return int(series / strain_step + 1e-9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,9 +218,9 @@ class CompletedFlow:
 
 
 def define_flow(
-    disks, model, rate, strain, *, wall_disks=0, discard=None, step=None, tolerance=1e-4, **snapshots
+    disks, model, rate, strain, *, wall_disks=0, discard=None, step=None, tolerance=1e-4, **rows
 ) -> FlowRun:
-    """A new run; `snapshots`, `every` and `spacing` as for `Schedule.of`.
+    """A new run; rows: `snapshots`, `every`, `spacing` and `series` as for `Schedule.of`.
 
     Raises InputError for overlaps beyond MAX_START_OVERLAP, and as `Schedule.of`.
     """
@@ -208,7 +232,7 @@ def define_flow(
             f"{100 * MAX_START_OVERLAP:.0f} %). Quench it first: pack with {named('from_')}."
         )
     scheme = scheme_for(model, disks, rate, step, tolerance)
-    schedule = Schedule.of(rate, scheme.step, strain, discarded_strain(strain, discard), **snapshots)
+    schedule = Schedule.of(rate, scheme.step, strain, discarded_strain(strain, discard), **rows)
     return FlowRun(disks, model, rate, scheme, schedule, wall_disks)
 
 
@@ -236,6 +260,8 @@ def run_flow(
     trajectory = trajectory.copy()
     if state is not None:
         shear.restore(state)
+    elif run.schedule.has_start_row:
+        trajectory.start = start_row(run, team)
     _take_rows(run, shear, trajectory, save, report)
     means = check_balance(trajectory, run.schedule.discard, shear)
     if means is None or means.pressure.mean < MIN_PRESSURE * run.rate * shear.damping_unit:
@@ -277,28 +303,36 @@ def _add_snapshot(trajectory, shear):
     )
 
 
-def add_row(trajectory, shear, steps: int) -> None:
-    """Add a row to the trajectory: means over `steps` time steps, and a survey at their end."""
+def start_row(run: FlowRun, team: Team | None) -> dict:
+    """{column: value} of the state at γ = 0: what the first time step computes before it moves the disks."""
+    shear = SteadyShear(run.disks, run.model, run.rate, run.scheme, team, run.wall_disks)
+    contacts = shear.survey()
+    return row_means(shear, 1) | contacts
+
+
+def row_means(shear: SteadyShear, steps: int) -> dict:
+    """{column: value} of the means over the next `steps` time steps, which are taken."""
     shear.tally[:] = 0.0
     batch = max(1, min(MAX_CALL_STEPS, int(MAX_CALL_DISK_STEPS / shear.reference.n)))
     while steps > 0:
         shear.advance(min(steps, batch))
         steps -= batch
     terms = dict(zip(TALLY, shear.tally / shear.tally[TALLY.index("steps")], strict=True))
-    volume = shear.reference.volume
+    volume, parts = shear.reference.volume, ("elastic", "viscous", "kinetic")
+    return {
+        "shear_stress": [-terms[f"{part}_xy"] / volume for part in parts],
+        "pressure": [terms[part] / (shear.reference.dimension * volume) for part in parts],
+        "energy": terms["energy"],
+        "dissipation": terms["dissipation"],
+    }
+
+
+def add_row(trajectory, shear, steps: int) -> None:
+    """Add a row to the trajectory: means over `steps` time steps, and a survey at their end."""
+    means = row_means(shear, steps)
     walls = wall_columns(shear) if shear.wall_disks else {}
-    trajectory.add(
-        strain=shear.strain,
-        time=shear.strain / shear.rate,
-        shear_stress=[-terms[f"{part}_xy"] / volume for part in ("elastic", "viscous", "kinetic")],
-        pressure=[
-            terms[part] / (shear.reference.dimension * volume) for part in ("elastic", "viscous", "kinetic")
-        ],
-        energy=terms["energy"],
-        dissipation=terms["dissipation"],
-        **shear.survey(),
-        **walls,
-    )
+    end = {"strain": shear.strain, "time": shear.strain / shear.rate, **shear.survey()}
+    trajectory.add(**end, **means, **walls)
 
 
 def check_balance(trajectory: Trajectory, discard: float, shear: SteadyShear) -> Means | None:

@@ -14,6 +14,9 @@ FLOW_COLUMNS = {
     "strain": 0, "time": 0, "shear_stress": 3, "pressure": 3, "energy": 0, "dissipation": 0,
     "contact_number": 0, "clusters": 0, "largest_cluster": 0, "deepest_overlap": 0,
 }  # fmt: skip
+START_COLUMNS = tuple(
+    name for name in FLOW_COLUMNS if name not in ("strain", "time")
+)  # of the state at γ = 0
 WALL_AVERAGES = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, at the end of a row
 WALL_COLUMNS = WALL_AVERAGES | {"velocity_profile": LAYERS}
 SNAPSHOT_ARRAYS = ("strain", "positions", "velocities", "cell", "images", "spins")  # spins where disks roll
@@ -30,6 +33,7 @@ class Trajectory(StrainSeries):
         super().__init__(FLOW_COLUMNS | (WALL_COLUMNS if with_walls else {}))
         self.snapshots = {name: [] for name in SNAPSHOT_ARRAYS}
         self.radii = None  # (N,) of the disks in the snapshots
+        self.start = {}  # {column: value} of the state at γ = 0; empty where it is not kept
 
     def add_snapshot(self, strain, disks, velocities, spins=None) -> None:
         """Keep positions, images, non-affine velocities, angular ones where disks roll, and cell of this moment."""
@@ -40,8 +44,8 @@ class Trajectory(StrainSeries):
         self.radii = disks.radii
 
     def arrays(self) -> dict:
-        """All columns, and arrays of the snapshots as `snapshots/NAME`, for `restore`."""
-        arrays = super().arrays()
+        """All columns, `start/NAME` of the state at γ = 0 and `snapshots/NAME`, for `restore`."""
+        arrays = super().arrays() | {f"start/{name}": np.array(v, float) for name, v in self.start.items()}
         if self.snapshots["strain"]:
             arrays |= {
                 f"snapshots/{name}": np.array(values) for name, values in self.snapshots.items() if values
@@ -52,6 +56,7 @@ class Trajectory(StrainSeries):
     def restore(self, arrays) -> None:
         """See `StrainSeries`."""
         super().restore(arrays)
+        self.start = {name: arrays[f"start/{name}"] for name in START_COLUMNS if f"start/{name}" in arrays}
         if "snapshots/strain" in arrays:
             stored = {name: arrays.get(f"snapshots/{name}", ()) for name in SNAPSHOT_ARRAYS}
             self.snapshots = {name: list(np.asarray(values)) for name, values in stored.items()}

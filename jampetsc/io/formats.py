@@ -14,6 +14,7 @@ from jampetsc.io.result_formats import (
     FLOW,
     OSCILLATE,
     POTENTIAL_ROWS,
+    SCALING,
     VELOCITY_CORRELATION,
 )
 from jampetsc.laws.loads import LoadChoice
@@ -107,6 +108,7 @@ FORMATS = {
     "jampetsc-jam": JAM,
     "jampetsc-velocity-correlation": VELOCITY_CORRELATION,
     "jampetsc-collapse": COLLAPSE,
+    "jampetsc-scaling": SCALING,
 }
 
 

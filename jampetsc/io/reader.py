@@ -289,6 +289,7 @@ RESULTS = {  # format -> class; a new format needs a line here
     "jampetsc-jam": Result,
     "jampetsc-velocity-correlation": Result,
     "jampetsc-collapse": Result,
+    "jampetsc-scaling": Result,
 }
 
 

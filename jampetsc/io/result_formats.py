@@ -1,4 +1,4 @@
-"""Formats of results: flows, oscillations, correlations, collapses."""
+"""Formats of results: flows, oscillations, correlations, collapses, fits of flow curves."""
 
 from jampetsc.io.declaration import Format
 from jampetsc.io.provenance import PROVENANCE
@@ -81,6 +81,10 @@ energy, dissipation | (T,) | float | | U, plus for disks with a mass the kinetic
 contact_number, clusters, largest_cluster, deepest_overlap | (T,) | float | | 2N_c/N of all N disks, rattlers included
   (not `coordination`, which leaves them out), number of clusters of touching disks, disks in the largest, largest
   overlap over σ_ij
+start/shear_stress, start/pressure | (3,) | float? | `units` | with `--series`: parts of σ and p at γ = 0, as shear
+  sets in
+start/energy, start/dissipation | scalar | float? | | likewise
+start/contact_number, start/clusters, start/largest_cluster, start/deepest_overlap | scalar | float? | | likewise
 wall_shear_stress, wall_pressure | (T,) | float? | `units` | with `--walls`: force per length of the disks on the
   walls at the end of a row, mean of both, along and across them
 velocity_profile | (T, 20) | float? | γ̇H | with `--walls`: mean v_x of the disks in 20 layers of equal height H/20 at
@@ -189,5 +193,44 @@ common_share | float? | | share of the squared errors that is fitted as common t
 potential, stiffness, units, sizes, model, protocol | text? | | of the files
 mass, exponent | float? | | of the files
 """,
+    common=PROVENANCE,
+)
+
+SCALING = Format(
+    datasets=r"""
+groups/phi, groups/yield_stress, groups/flow_index | (G,) | float | | of each fit of σ = σ_y + A γ̇^n: φ, σ_y in
+  `units`, n
+groups/consistency | (G,) | float | `units` timeⁿ | A
+groups/yield_stress_low, groups/yield_stress_high, groups/consistency_low, groups/consistency_high, \
+groups/flow_index_low, groups/flow_index_high | (G,) | float | | ends of the 95 % intervals, infinite where the data
+  give none, nan of what is not fitted
+groups/N, groups/seeds, groups/dof | (G,) | int | | number of particles; seeds that have all rates, 1 where they differ
+  between rates; degrees of freedom
+groups/jackknifed | (G,) | bool | | whether intervals are from the scatter of seeds, else from the profile of χ²
+groups/chi2, groups/probability | (G,) | float | | χ², probability of a χ² at least as large
+groups/quasistatic_shear_stress, groups/quasistatic_shear_stress_error, groups/quasistatic_pressure, \
+groups/quasistatic_pressure_error | (G,) | float | `units` | means of quasistatic shear and their errors, nan without
+groups/difference, groups/difference_low, groups/difference_high | (G,) | float | `units` | σ_y minus quasistatic σ, and
+  its 95 % interval; nan without quasistatic shear
+group, runs | (M,) | int | | of each point: number of its fit, from 0; number of flows
+rate | (M,) | float | 1/time | γ̇
+shear_stress, shear_stress_error, pressure, pressure_error | (M,) | float | `units` | means over the flows and their
+  errors (halves of 68 % intervals)
+residual | (M,) | float | | σ minus the law, over the error
+drift/group | (K,) | int | | of each fit with the largest rates left out one by one: number of its group
+drift/cut | (K,) | float | 1/time | its largest rate
+drift/yield_stress, drift/consistency, drift/flow_index, drift/yield_stress_low, drift/yield_stress_high, \
+drift/consistency_low, drift/consistency_high, drift/flow_index_low, drift/flow_index_high | (K,) | float | | as above
+drift/probability | (K,) | float | | probability of a χ² at least as large
+""".replace("\\\n", ""),
+    attributes=r"""
+form | text in herschel-bulkley bingham power-law | | the law that was fitted
+groups | text | | what tells the groups apart, in words separated by `; `, empty for one
+dimension | int in 2 3? | | 3 for spheres, else missing
+notes | text? | | warnings about these numbers, separated by `; `
+units, sizes, model | text? | | of the files
+mass | float? | | of the files
+"""
+    + POTENTIAL_ROWS,
     common=PROVENANCE,
 )

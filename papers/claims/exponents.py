@@ -12,7 +12,7 @@ import numpy as np
 import jampetsc
 from jampetsc.analysis.collapse_fit import estimate
 from jampetsc.analysis.scaling_collapse import form_named
-from jampetsc.commands.scaling import read_points
+from jampetsc.commands.collapse_points import read_points
 from papers.claims.finite_size import drift_of
 from papers.claims.flow import PHI_J, extrapolated_fluidity, slower, weighted_mean
 from papers.claims.shared import (

@@ -15,7 +15,7 @@ from jampetsc.analysis.collapse_fit import Estimate, drift, estimate, find_minim
 from jampetsc.analysis.correlated_series import Average, mean_of_averages
 from jampetsc.analysis.scaling_collapse import Form, Points, scaled
 from jampetsc.analysis.statistics import half_width, mean_with_error
-from jampetsc.commands.scaling import COMMON_ATTRIBUTES, notes_of, read_points, text_of
+from jampetsc.commands.collapse_points import COMMON_ATTRIBUTES, notes_of, read_points, text_of
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.plots.scaling_plots import plot_branches, plot_scaling
@@ -376,6 +376,7 @@ def write_flow(path, phi, rate, n=1024, **more):
     facts |= {"particle_count": n, "pressure_error": 0.01 * value, **HARMONIC}
     facts |= {"pressure_samples": np.inf, "shear_stress_samples": np.inf}
     facts |= {"pressure_mean": value * (1 + 0.01 * rng.standard_normal())}
+    facts |= {"shear_stress_mean": 0.1 * facts["pressure_mean"], "shear_stress_error": 1e-3 * value}
     return str(stored(path, "flow", {"strain": np.arange(3.0)}, **facts | more))
 
 

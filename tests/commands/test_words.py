@@ -5,9 +5,9 @@ import pytest
 from samples import stored
 
 from jampetsc import main as cli
+from jampetsc.commands.collapse_points import FORMATS
 from jampetsc.commands.correlate import refuse_mixture
-from jampetsc.commands.scaling import files_of
-from jampetsc.commands.sources import rows_named
+from jampetsc.commands.sources import files_named, rows_named
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.studies.study_table import table_text
@@ -32,17 +32,16 @@ def test_files_of_a_study_are_of_rows_that_are_done(tmp_path):
     ]
     (tmp_path / "table.csv").write_text(table_text(rows))
     folder, where = str(tmp_path), "cooling-rate=0.1, command = jam"
-    (rows,) = rows_named([folder], None)
-    assert files_of(rows, True, None) == [str(tmp_path / f"{n}.h5") for n in (0, 2, 3)]
-    other, some = rows_named(["other.h5", folder], where)
-    assert other == "other.h5" and files_of(some, True, where) == [f"{folder}/0.h5", f"{folder}/3.h5"]
+    assert files_named([folder], None, FORMATS[True]) == [str(tmp_path / f"{n}.h5") for n in (0, 2, 3)]
+    some = ["other.h5", f"{folder}/0.h5", f"{folder}/3.h5"]
+    assert files_named(["other.h5", folder], where, FORMATS[True]) == some
     assert rows_named(["other.h5"], None) == ["other.h5"]
     for finite, here, says in (
         (False, where, rf"no finished .* task where {where}\. Run such tasks"),
         (True, "cooling-rate=7", r"where cooling-rate=7: no such row in .*: cooling_rate is 0.1 or 0.2\.$"),
     ):
         with pytest.raises(InputError, match=says):
-            files_of(rows_named([folder], here)[0], finite, here)
+            files_named([folder], here, FORMATS[finite])
 
 
 def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):

@@ -14,7 +14,7 @@ from jampetsc.io.formats import FORMATS
 from jampetsc.jamming.sample_protocol import PROTOCOLS
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
 
-LENGTHS = dict(zip("NMFASTKXW", range(4, 13), strict=True)) | dict.fromkeys("nmcbBqtgjrfPL", 3) | {"D": 2}
+LENGTHS = dict(zip("NMFASTKXW", range(4, 13), strict=True)) | dict.fromkeys("nmcbBqtgjrfPLG", 3) | {"D": 2}
 VALUES = {"text": "a", "int": 3, "float": 0.5, "bool": True}
 
 

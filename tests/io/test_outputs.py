@@ -38,6 +38,7 @@ COMMANDS = {  # words without --out -> the ending of what it writes
     "correlate s.h5": ".h5",
     "correlate t.h5 --packing s.h5": ".h5",
     "collapse s.h5 --observable pressure --fit phi_J,y,znu": ".h5",
+    "scaling s.h5": ".h5",
     "merge s.h5": ".h5",
     "export p.h5": ".xyz",
     "matrices p.h5": ".npz",

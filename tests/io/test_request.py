@@ -106,14 +106,17 @@ DIFFERENT = [  # each: jobs of which no two have the same result
         "--radii r.txt --phi 0.9")],
     ["flow --n 16 --phi 0.8 --model RD0 --rate 1e-2 --strain 4 --out f.h5 " + words for words in (
         "", "--n 17", "--phi 0.81", "--model CD0", "--rate 2e-2", "--strain 5", "--discard 2", "--snapshots 3",
-        "--snapshots 3 --snapshot-spacing log", "--snapshot-every 1", "--step 0.01", "--tolerance 1e-6", "--walls",
-        "--seed 2", "--potential hertzian", "--sizes monodisperse", "--dimension 3", "--tau1 2")]
+        "--snapshots 3 --snapshot-spacing log", "--snapshot-every 1", "--series 1e-3", "--step 0.01",
+        "--tolerance 1e-6", "--walls", "--seed 2", "--potential hertzian", "--sizes monodisperse", "--dimension 3",
+        "--tau1 2")]
     + ["flow f.h5 --strain 4", "flow f.h5 --strain 5"],  # what a flow has had is in its file
     ["shear p.h5 --step 1e-3 --strain 4 --out s.h5 " + words for words in (
         "", "--step 2e-3", "--strain 5", "--discard 2", "--tolerance 1e-7")],
     ["jam --n 16 --phi 0.8 --seeds 1:3 --out j.h5 " + words for words in (
         "", "--n 17", "--phi 0.81", "--seeds 1:2", "--protocol shear", "--protocol shear --strain 3", "--separated",
         "--protocol compress", "--protocol compress --sweeps 100", "--tolerance 1e-7", "--dimension 3")],
+    ["scaling f.h5 --out s.h5 " + words for words in (
+        "", "--form bingham", "--form power-law", "--by phi", "--by phi,n", "--cut 0.1", "--cut 0.2")],
     ["modes p.h5 --out m.h5 " + words for words in (
         "", "--count 3", "--below 0.1", "--all", "--no-eigenvectors", "--no-prestress", "--load xx")],
 ]  # fmt: skip

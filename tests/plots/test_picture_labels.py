@@ -14,6 +14,7 @@ from test_jam_plots import jam_of, shear_of
 from test_picture_limits import curve, run
 from test_probe_plots import slow, sounding
 from test_spectrum import write_sweep
+from test_yielding_plots import started
 
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.io.reader import load
@@ -31,7 +32,9 @@ from jampetsc.plots import (
 )
 from jampetsc.plots.draw import pictures, plain_text, table_rows
 from jampetsc.plots.spectrum_plots import plot_relaxation, spectrum_curve
+from jampetsc.plots.start_plots import plot_start
 from jampetsc.plots.style import COLUMN, LOSS, PAGE, STORAGE
+from jampetsc.plots.yielding_plots import plot_flow_curve
 
 RATE = r"$\dot\gamma\ [1/\tau_1]$"
 FREQUENCY = r"$\omega_m\ [\sqrt{k/m}]$"
@@ -100,6 +103,9 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
     (crossover_plots.plot_crossover,
      lambda folder: [quasistatic_of([1, 1, 1], pressure=p, omega_star=p) for p in (1e-3, 1e-2)],
      [("$p/k$", r"$\omega^*\tau_1$", "ll")]),
+    (plot_flow_curve, lambda folder: [facts(rate=rate) for rate in (0.1, 0.2)],
+     [(RATE, r"$\sigma,\ p\ [k]$", "ll")]),
+    (plot_start, lambda folder: [*started()[0]], [(r"$\gamma$", r"$\sigma\ [k]$", "--")]),
     (plot_relaxation, spectra,
      [(r"$\tau/\tau_1$", "$H/k$", "ll"), (r"$\tau/\tau_1$", r"$\sum_{\tau_m\leq\tau}\,g_m/k$", "l-"),
       (r"$t/\tau_1$", "$G(t)/k$", "ll"), (r"$t/\tau_1$", r"$J(t)\,k$", "ll")]),

@@ -24,6 +24,8 @@ SMALL_PYTHON = {  # python in a document -> here
         "n = 320": "n = 32",
         "range(1, 7)": "range(1, 3)",
         "range(1, 61)": "range(1, 3)",
+        "range(1, 5)": "range(1, 4)",
+        "1e-4, 3e-3, 5": "3e-3, 1e-1, 5",
     },
     **{'"1:16"': '"1:2"', "1e-1, 1e-5, 9": "3e-2, 1e-3, 5", "strain=6.0": "strain=1.2"},
     **{"strain=6\n": "strain=1.2, discard=0.2\n", "strain=6,": "strain=1.2, discard=0.2,"},

@@ -30,6 +30,7 @@ RARE = {  # of runs that are not made here
         "snapshots/psi6_local",
         "snapshots/psi6_global",
     ),  # the latter of files in papers/kept
+    "jampetsc-scaling": ("dimension", "notes"),
     "jampetsc-collapse": "dimension rate model mass protocol znu znu_error nu_error phi_J_error omega_error".split(),
 }
 RUNS = """\
@@ -81,7 +82,11 @@ jam --n 32 --phi 0.9,0.92,0.94 --seeds 1:3 --out jam32.h5
 jam --n 16 --phi 0.9,0.92,0.94 --seeds 3:5 --out jam16.h5
 collapse jam16.h5 jam24.h5 jam32.h5 --finite-size --observable pressure --fit phi_J=0.84,y,nu=1,omega=1 --corrections \
 --degree 1 --out collapse.h5
-flow --n 16 --phi 0.9 --seed 1 --walls --model RD0 --rate 1e-2 --strain 0.5 --discard 0.1 --out flow0.h5"""
+flow --n 16 --phi 0.9 --seed 1 --walls --model RD0 --rate 1e-2 --strain 0.5 --discard 0.1 --out flow0.h5
+flow --n 16 --phi 0.9 --seed 1 --model RD0 --rate 1e-2 --strain 0.5 --discard 0.1 --series 5e-3 --out rate1.h5
+flow --n 16 --phi 0.9 --seed 1 --model RD0 --rate 3e-2 --strain 0.5 --discard 0.1 --out rate2.h5
+flow --n 16 --phi 0.9 --seed 1 --model RD0 --rate 9e-2 --strain 0.5 --discard 0.1 --out rate3.h5
+scaling rate1.h5 rate2.h5 rate3.h5 --form bingham --out scaling.h5"""
 
 
 def test_the_page_has_every_format():

@@ -59,6 +59,8 @@ def write_scaled(folder):
         write_flow(folder / "flows" / name, phi, rate)
         rows.append({"command": "flow", "state": "done", "file": name, "seconds": 0.1, "model": "RD0"})
     (folder / "flows" / "table.csv").write_text(table_text(rows))
+    for number, rate in enumerate(RATES):
+        write_flow(folder / f"r-{number}.h5", 0.86, rate, n=16)
     rng = np.random.default_rng(1)
     for n in (64, 128, 256):
         phi = np.repeat(np.linspace(0.83, 0.85, 9), 200)
