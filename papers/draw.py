@@ -4,7 +4,7 @@
 """
 
 from benchmarks.common import saved_page
-from papers.pictures import cells, correlations, drag, events, flows, jamming, modes, moduli, sizes  # noqa: F401  they enter their pictures
+from papers.pictures import cells, correlations, drag, events, flows, inertia, jamming, modes, moduli, sizes  # noqa: F401  they enter their pictures
 from papers.pictures.shared import PICTURES
 from papers.programs import folder_and_picture
 

@@ -26,6 +26,7 @@ SHOWN = {  # figure -> {picture in its folder: name in the gallery}
     "crystals": {"crystals": "crystals"},
     "finite-size-flow": {"finite-size-flow": "finite-size-flow"},
     "inertia": {"soft": "inertia"},
+    "inertia-start": {"inertia-start": "inertia-start"},
     "overdamped-limit": {"overdamped": "overdamped-limit"},
     "paper1": {"densities": "paper1"},
     "paper2": {"paper2": "paper2"},
