@@ -249,7 +249,7 @@ def _exponential(value):
 
 
 def _jackknife_intervals(curve, form, law):
-    """{name: (low, high)} from the fits without one seed; of A from those of ln A."""
+    """{name: (low, high)} from the fits without one seed, of A by way of ln A."""
     count = len(curve.seeds)
     laws = [least_squares_law(other, form)[0] for other in curve.without_seeds()]
     intervals = {}

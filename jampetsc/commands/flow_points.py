@@ -86,10 +86,10 @@ def _order(value):
 
 
 def _words(name, value):
-    """A setting in words: phi = 0.86, N = 64, RD0."""
-    if isinstance(value, str):
-        return value
-    return f"{'N' if name == 'n' else name} = {'none' if value is None else f'{value:.6g}'}"
+    """A setting in words: phi = 0.86, N = 64, RD0, no sizes."""
+    if isinstance(value, int | float):
+        return f"{'N' if name == 'n' else name} = {value:.6g}"
+    return value or f"no {name}"
 
 
 def _refuse_other_settings(result, first, names):

@@ -123,7 +123,7 @@ def test_starts_without_errors_and_without_overshoot():
     assert "without errors (one seed)" in plot_start.draw(flows[:1]).text
     assert mean_starts(flows)[next(iter(mean_starts(flows)))].strain[0] > 0
     flat, *_ = started(height=0.0)
-    assert "no overshoot told from noise" in plot_start.draw(flat).text
+    assert "no overshoot beyond noise" in plot_start.draw(flat).text
     both = [*flows, *started(seed=2, rate=0.2)[0]]
     assert told(figure_of(plot_start, both).axes[0]) == [
         r"$\dot\gamma=5\times10^{-2}$",
