@@ -135,6 +135,8 @@ def fit_flow_law(curve: FlowCurve, form: LawForm) -> FlowLawFit:
             f"{rates}: too few for {named('form')} {form.name} (at least {form.min_rates}). Give flows at more rates."
         )
     law, least = least_squares_law(curve, form)
+    if not math.isfinite(least):
+        raise InputError("stresses and errors: out of range, squares overflow. Give them in other units.")
     intervals = (
         _jackknife_intervals(curve, form, law)
         if curve.is_jackknifed

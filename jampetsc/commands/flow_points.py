@@ -137,6 +137,8 @@ def _flow_group(results, label, quasistatic) -> FlowGroup:
     rates, rows = np.array(list(runs)), [_facts(own) for own in runs.values()]
     stress, error = np.array([mean_of_facts(row, "shear_stress") for row in rows]).T
     own = np.array([own_error_of_runs(*facts_of(row, "shear_stress")[1:]) for row in rows])
+    if not np.isfinite([rates, stress]).all():
+        raise InputError(f"{results[0].path}: a rate or mean stress that is not finite. Make the file again.")
     for rate, value in zip(rates, own, strict=True):
         if not (np.isfinite(value) and value > 0.0):
             raise InputError(

@@ -35,6 +35,8 @@ def mean_starts(results) -> dict:
 def _mean_start(runs, k) -> MeanStart:
     rows = [float(run["strain"][0]) for run in runs]
     for run, row in zip(runs, rows, strict=True):
+        if not (row > 0.0 and np.isfinite(run["shear_stress"]).all()):
+            raise InputError(f"{run.path}: strain or stress out of range. Make the file again.")
         if not np.isclose(row, rows[0], rtol=1e-9):
             raise InputError(
                 f"{run.path}: rows of {row:g} in strain, {runs[0].path.name} has {rows[0]:g}. For a mean give flows "
