@@ -32,13 +32,13 @@ def laws():
     form = FORMS["herschel-bulkley"]
     for seeds in (1, 2, 3, 4, 5, 8):
         for noise in (0.01, 0.1):
-            rng, held = np.random.default_rng(seeds), dict.fromkeys(form.free, 0)
+            rng, hits = np.random.default_rng(seeds), dict.fromkeys(form.free, 0)
             for _ in range(SETS):
                 curve = planted_curve(rng, noise, seeds)
                 for name, (low, high) in fit_flow_law(curve, form).intervals.items():
-                    held[name] += low <= getattr(LAW, name) <= high
+                    hits[name] += low <= getattr(LAW, name) <= high
             way = "jackknife" if curve.is_jackknifed else "profile"
-            shares = " | ".join(f"{times / SETS:.2f}" for times in held.values())
+            shares = " | ".join(f"{times / SETS:.2f}" for times in hits.values())
             print(f"| {seeds} | {noise:.0%} | {way} | {shares} |", flush=True)
 
 
@@ -57,21 +57,21 @@ def planted_starts(rng, height, noise, seeds):
 
 
 def overshoots():
-    """Peaks of planted starts: shares of 68 % intervals that hold height and strain, and that tell an overshoot."""
-    print("| overshoot | noise | seeds | height | strain | told from noise |")
+    """Peaks of planted starts: shares of 68 % intervals that hold height and strain; overshoots beyond noise."""
+    print("| overshoot | noise | seeds | height | strain | beyond noise |")
     print("|---|---|---|---|---|---|")
     fine = np.linspace(0.0, 1.0, 100_001)
     for height, noise, seeds in (
         (0.0, 0.1, 3), (0.0, 0.1, 5), (0.0, 0.1, 20), (0.18, 0.1, 5), (0.18, 0.1, 20), (0.3, 0.1, 3), (0.3, 0.1, 5),
         (0.3, 0.1, 20), (0.3, 0.03, 20), (0.8, 0.1, 10),
     ):  # fmt: skip
-        rng, curve, held = np.random.default_rng(seeds), start(fine, height), np.zeros(3)
+        rng, curve, hits = np.random.default_rng(seeds), start(fine, height), np.zeros(3)
         strain, stress = fine[np.argmax(curve)], curve.max()
         for _ in range(SETS):
             peak = find_peak(STRAIN, *planted_starts(rng, height, noise, seeds))
-            inside = peak.strain_low <= strain <= peak.strain_high
-            held += abs(peak.stress - stress) <= peak.stress_error, inside, peak.is_resolved
-        shares = [f"{share:.2f}" for share in held / SETS]
+            inside = abs(peak.strain - strain) <= peak.strain_error
+            hits += abs(peak.stress - stress) <= peak.stress_error, inside, peak.is_resolved
+        shares = [f"{share:.2f}" for share in hits / SETS]
         if height == 0.0:
             shares[:2] = "", ""
         print(f"| {max(stress - 1.0, 0.0):.0%} | {noise:.0%} | {seeds} | {' | '.join(shares)} |", flush=True)

@@ -135,6 +135,8 @@ def fit_flow_law(curve: FlowCurve, form: LawForm) -> FlowLawFit:
             f"{rates}: too few for {named('form')} {form.name} (at least {form.min_rates}). Give flows at more rates."
         )
     law, least = least_squares_law(curve, form)
+    if not math.isfinite(least):
+        raise InputError("stresses and errors: out of range, squares overflow. Give them in other units.")
     intervals = (
         _jackknife_intervals(curve, form, law)
         if curve.is_jackknifed
@@ -249,7 +251,7 @@ def _exponential(value):
 
 
 def _jackknife_intervals(curve, form, law):
-    """{name: (low, high)} from the fits without one seed; of A from those of ln A."""
+    """{name: (low, high)} from the fits without one seed, of A by way of ln A."""
     count = len(curve.seeds)
     laws = [least_squares_law(other, form)[0] for other in curve.without_seeds()]
     intervals = {}

@@ -1,17 +1,15 @@
 """The overshoot of the stress at the start of a flow: height and strain of the peak of σ(γ), with honest errors.
 
 The largest value of a mean over seeds is too high, as it also picks the highest noise, and its scatter among seeds is
-too small. So every seed is fitted, by least squares, with a polynomial in one window about the peak, the same for all.
-Heights and slopes are then linear in the data, independent between seeds, and Student's intervals hold for them:
+too small. So every seed is fitted, by least squares, with a polynomial in one window about the peak, the same for all:
 
-- height: of the mean polynomial where it is largest, and the scatter of the seeds at this strain: to first order the
-  place of a maximum does not change its height;
-- strain: all strains about it at which the mean slope differs from 0 by less than its error (Fieller, J. R. Stat. Soc.
-  B 16, 175 (1954)), as the quotient of two slopes is not normal.
+- height: of the mean polynomial where it is largest. Its error is the scatter of the seeds at this strain, by Student's
+  t: to first order the place of a maximum does not change its height.
+- strain: where the mean polynomial is largest. Its error is from the means without one seed, each in a window of its
+  own (jackknife), as the window is a part of the estimate.
 
 The window reaches down to a share of the overshoot, of the smoothed mean. What a higher polynomial in a wider window
-would change is added to the errors, in quadrature. On synthetic starts 68 % intervals hold the height in 64 to 72 % and
-the strain in 52 to 70 % of cases, for overshoots of 12 to 70 % with 3 to 10 % of noise.
+would change is added to the errors, in quadrature. How often they hold a planted peak: docs/theory/statistics.md.
 """
 
 import math
@@ -25,8 +23,8 @@ SMOOTHING_STRAIN = 0.02  # standard deviation of the Gaussian that smooths the m
 DEGREE, WINDOW_SHARE = 3, 0.7  # of the polynomial; of the overshoot, down to which its window reaches
 CHECK_DEGREE, CHECK_SHARE = 4, 0.5  # of the wider one, whose change counts as an error
 MIN_WINDOW_ROWS = 8
-PLACES = 401  # strains of a window at which slopes are compared
-RESOLVED_LEVEL = 0.99  # of an overshoot that is told from noise, which has some 10 chances to be highest
+PLACES = 401  # strains of a window, of which one is the peak
+RESOLVED_LEVEL = 0.99  # of an overshoot that exceeds noise, which has some 10 chances to be highest
 
 
 @dataclass(frozen=True)
@@ -34,13 +32,12 @@ class StressPeak:
     """The peak of a mean start; errors are halves of 68 % intervals, nan for one seed."""
 
     strain: float
-    strain_low: float
-    strain_high: float
+    strain_error: float
     stress: float
     stress_error: float
     overshoot: float  # of the peak above the steady stress
     overshoot_error: float
-    is_resolved: bool  # whether the overshoot is told from noise
+    is_resolved: bool  # whether the overshoot exceeds noise
 
 
 def find_peak(strain, stress, steady) -> StressPeak:
@@ -50,19 +47,23 @@ def find_peak(strain, stress, steady) -> StressPeak:
     stress   (S, T) of each seed there
     steady   (S,) mean stress of each seed when the flow is steady
     """
-    smooth, level = _smoothed(strain, stress.mean(axis=0)), float(np.mean(steady))
-    (place, low, high), heights = _fitted_peak(strain, stress, smooth, level, DEGREE, WINDOW_SHARE)
-    (other_place, *_), other_heights = _fitted_peak(strain, stress, smooth, level, CHECK_DEGREE, CHECK_SHARE)
+    steady, seeds = np.asarray(steady, float), len(stress)
+    place, heights = _fitted_peak(strain, stress, steady, DEGREE, WINDOW_SHARE)
+    other_place, other_heights = _fitted_peak(strain, stress, steady, CHECK_DEGREE, CHECK_SHARE)
     shift, rise = other_place - place, float(np.mean(other_heights - heights))
-    height, error = mean_with_error(heights)
+    height, error = map(float, mean_with_error(heights))
     overshoot, overshoot_error = map(float, mean_with_error(heights - steady))
-    overshoot_error, seeds = math.hypot(overshoot_error, rise), len(stress)
-    ratio = half_width(seeds - 1, RESOLVED_LEVEL) / half_width(seeds - 1) if seeds > 1 else math.nan
+    strain_error, ratio = math.nan, math.nan
+    if seeds > 1:
+        kept = ~np.eye(seeds, dtype=bool)
+        places = [_fitted_peak(strain, stress[own], steady[own], DEGREE, WINDOW_SHARE)[0] for own in kept]
+        strain_error = half_width(seeds - 1) * math.sqrt((seeds - 1) * np.var(places))
+        ratio = half_width(seeds - 1, RESOLVED_LEVEL) / half_width(seeds - 1)
+    overshoot_error = math.hypot(overshoot_error, rise)
     return StressPeak(
         place,
-        place - math.hypot(place - low, shift),
-        place + math.hypot(high - place, shift),
-        float(height),
+        math.hypot(strain_error, shift),
+        height,
         math.hypot(error, rise),
         overshoot,
         overshoot_error,
@@ -88,19 +89,13 @@ def _window(smooth, steady, share):
     return first, min(len(smooth), max(last, first + MIN_WINDOW_ROWS))
 
 
-def _fitted_peak(strain, stress, smooth, steady, degree, share):
-    """((strain of the peak, low, high), heights (S,) of the seeds there) of polynomials in one window."""
-    first, last = _window(smooth, steady, share)
+def _fitted_peak(strain, stress, steady, degree, share):
+    """(strain of the peak, heights (S,) of the seeds there) of polynomials in one window."""
+    first, last = _window(_smoothed(strain, stress.mean(axis=0)), float(steady.mean()), share)
     middle, half = 0.5 * (strain[first] + strain[last - 1]), 0.5 * (strain[last - 1] - strain[first])
     x = np.linspace(-1.0, 1.0, PLACES)
     rows = np.polynomial.legendre.legvander((strain[first:last] - middle) / half, degree)
     series = np.linalg.lstsq(rows, stress[:, first:last].T, rcond=None)[0]  # (degree + 1, S)
     heights = np.polynomial.legendre.legval(x, series)  # (S, PLACES)
-    slopes, errors = mean_with_error(np.polynomial.legendre.legval(x, np.polynomial.legendre.legder(series)))
     top = int(np.argmax(heights.mean(axis=0)))
-    apart = np.flatnonzero(np.abs(slopes) > errors)
-    low = apart[apart < top].max(initial=-1) + 1
-    high = apart[apart > top].min(initial=PLACES) - 1
-    ends = (middle + half * x[place] for place in (top, low, high))
-    peak = tuple(map(float, ends)) if len(stress) > 1 else (float(middle + half * x[top]), math.nan, math.nan)
-    return peak, heights[:, top]
+    return float(middle + half * x[top]), heights[:, top]

@@ -86,10 +86,10 @@ def _order(value):
 
 
 def _words(name, value):
-    """A setting in words: phi = 0.86, N = 64, RD0."""
-    if isinstance(value, str):
-        return value
-    return f"{'N' if name == 'n' else name} = {'none' if value is None else f'{value:.6g}'}"
+    """A setting in words: phi = 0.86, N = 64, RD0, no sizes."""
+    if isinstance(value, int | float):
+        return f"{'N' if name == 'n' else name} = {value:.6g}"
+    return value or f"no {name}"
 
 
 def _refuse_other_settings(result, first, names):
@@ -137,6 +137,8 @@ def _flow_group(results, label, quasistatic) -> FlowGroup:
     rates, rows = np.array(list(runs)), [_facts(own) for own in runs.values()]
     stress, error = np.array([mean_of_facts(row, "shear_stress") for row in rows]).T
     own = np.array([own_error_of_runs(*facts_of(row, "shear_stress")[1:]) for row in rows])
+    if not np.isfinite([rates, stress]).all():
+        raise InputError(f"{results[0].path}: a rate or mean stress that is not finite. Make the file again.")
     for rate, value in zip(rates, own, strict=True):
         if not (np.isfinite(value) and value > 0.0):
             raise InputError(

@@ -31,7 +31,7 @@ SYSTEM_COLUMNS = (
 # how a task ran, or what it stored; a packing of a ladder differs from others in its pressure
 EXECUTION_SETTINGS = frozenset(
     "seed seeds threads last ladder parallel omega fields betas count below all discard every window "
-    "snapshots snapshot_every snapshot_spacing".split()
+    "snapshots snapshot_every snapshot_spacing series".split()
 )
 MEASURED_COLUMNS = ("pressure", "phi")  # which hold what the packing has where the study did not set them
 RELATIVE_TOLERANCE = 1e-9  # numbers that differ by less, relatively, are the same

@@ -35,6 +35,8 @@ def mean_starts(results) -> dict:
 def _mean_start(runs, k) -> MeanStart:
     rows = [float(run["strain"][0]) for run in runs]
     for run, row in zip(runs, rows, strict=True):
+        if not (row > 0.0 and np.isfinite(run["shear_stress"]).all()):
+            raise InputError(f"{run.path}: strain or stress out of range. Make the file again.")
         if not np.isclose(row, rows[0], rtol=1e-9):
             raise InputError(
                 f"{run.path}: rows of {row:g} in strain, {runs[0].path.name} has {rows[0]:g}. For a mean give flows "
@@ -101,8 +103,11 @@ def _draw_start(ax, start, look, label):
     ax.plot(ends, [start.steady] * 2, color=colour, lw=0.9, ls=DASHED, label=hidden(f"{label}, steady"))
     bars = {}
     if np.isfinite(peak.stress_error):
-        sides = np.array([[peak.strain - peak.strain_low], [peak.strain_high - peak.strain]])
-        bars = {"xerr": sides, "yerr": np.full(1, peak.stress_error), "elinewidth": 0.8}
+        bars = {
+            "xerr": np.full(1, peak.strain_error),
+            "yerr": np.full(1, peak.stress_error),
+            "elinewidth": 0.8,
+        }
     place = np.array([[peak.strain], [peak.stress]])
     ax.errorbar(*place, ms=4.5, ls="none", label=label, **bars, **look)
 
@@ -112,10 +117,7 @@ def _peak_text(start) -> str:
     peak, steady = start.peak, start.steady
     if not np.isfinite(peak.stress_error):
         return f"peak {peak.stress:.4g} at strain {peak.strain:.3g}, without errors (one seed)"
-    text = (
-        f"peak {peak.stress:.4g} ± {peak.stress_error:.2g} at strain {peak.strain:.3g} ({peak.strain_low:.3g} to "
-        f"{peak.strain_high:.3g})"
-    )
+    text = f"peak {peak.stress:.4g} ± {peak.stress_error:.2g} at strain {peak.strain:.3g} ± {peak.strain_error:.2g}"
     if not peak.is_resolved:
-        return f"{text}, no overshoot told from noise"
+        return f"{text}, no overshoot beyond noise"
     return f"{text}, overshoot {peak.overshoot / steady:.1%} ± {peak.overshoot_error / steady:.1%}"

@@ -30,7 +30,7 @@ class DrawnCurve(NamedTuple):
     pressure: tuple
     law: np.ndarray | None = None  # (LINE_POINTS,) fitted σ over the rates
     yield_stress: tuple | None = None  # (σ_y, low, high), 95 % interval
-    quasistatic: tuple = ()  # ((σ, error), (p, error)), nan where there is none
+    quasistatic: tuple = ()  # ((σ, error), (p, error)), nan where unknown
 
 
 def fitted_curves(results, units) -> list[DrawnCurve]:

@@ -42,13 +42,13 @@ def test_an_exact_peak():
         peak = find_peak(STRAIN, rows, [unit] * 2)
         assert peak.stress == pytest.approx(unit * stress, rel=2e-3)
         assert abs(peak.stress - unit * stress) < 3 * peak.stress_error < 0.01 * unit
-        assert abs(peak.strain - strain) < 0.006 and peak.strain_low <= peak.strain <= peak.strain_high
+        assert abs(peak.strain - strain) < min(0.006, 3 * peak.strain_error)
         assert peak.overshoot == pytest.approx(peak.stress - unit) and peak.is_resolved
 
 
 def test_one_seed_has_no_errors():
     peak = find_peak(STRAIN, start_of(STRAIN, 0.3)[None], [1.0])
-    assert np.isnan([peak.strain_low, peak.strain_high, peak.stress_error, peak.overshoot_error]).all()
+    assert np.isnan([peak.strain_error, peak.stress_error, peak.overshoot_error]).all()
     assert peak.stress == pytest.approx(exact_peak(0.3)[1], rel=2e-3) and not peak.is_resolved
 
 
@@ -56,13 +56,13 @@ def test_one_seed_has_no_errors():
     ("height", "noise", "seeds"), [(0.3, 0.1, 5), (0.18, 0.1, 5), (0.3, 0.03, 20), (0.8, 0.1, 10)]
 )
 def test_errors_hold_the_peak(height, noise, seeds):
-    """68 % of them are to; the error of an argmax from its scatter among seeds held 36 to 58 %."""
+    """68 % of them are to. The largest value of the mean, with its jackknife error, is held in 33 to 60 %."""
     strain, stress = exact_peak(height)
     held = np.zeros(2)
     for seed in range(60):
         peak = find_peak(STRAIN, *noisy_starts(seed, height, noise, seeds))
-        held += abs(peak.stress - stress) <= peak.stress_error, peak.strain_low <= strain <= peak.strain_high
-    assert (held >= (0.55 * 60, 0.4 * 60)).all() and (held <= 0.85 * 60).all(), held / 60
+        held += abs(peak.stress - stress) <= peak.stress_error, abs(peak.strain - strain) <= peak.strain_error
+    assert (held >= 0.5 * 60).all() and (held <= 0.88 * 60).all(), held / 60
 
 
 @pytest.mark.parametrize("seeds", [3, 10])

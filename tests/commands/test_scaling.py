@@ -98,6 +98,7 @@ def test_what_does_not_belong_together(flows):
         ([sheared(None, phi=0.9)], r"phi 0\.9, but .* has 0\.86\. Give quasistatic shear of the"),
         ([sheared(None, k=1.0)], r"k 1\.0, but"),
         ([sheared(None), sheared(None)], "as in shear in memory. Give each run once"),
+        ([flow(None, 0.5, shear_stress_mean=np.nan)], "a rate or mean stress that is not finite"),
         ([flow(None, 0.5, shear_stress_error=0.0)], r"no error of the mean stress at rate 0\.5, which a fit"),
     ):
         with pytest.raises(InputError, match=says):

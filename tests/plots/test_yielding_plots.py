@@ -110,8 +110,10 @@ def test_starts_that_cannot_be_averaged():
     flows, *_ = started()
     other = held({**flows[0], "strain": 4 * STRAIN}, flows[0].attributes, "other.h5", "jampetsc-flow")
     few, *_ = started(rows=STRAIN[:7])
+    still = held({**flows[0], "strain": 0 * STRAIN}, flows[0].attributes, "still.h5", "jampetsc-flow")
     for results, says in (
         ([*flows, other], r"other\.h5: rows of 0\.01 in strain, 0\.h5 has 0\.005\. For a mean give flows"),
+        ([still], r"still\.h5: strain or stress out of range\. Make the file again"),
         (few, r"0\.h5: 7 rows before discard: too few for a start \(at least 8\)\. Run the flow with series"),
     ):
         with pytest.raises(InputError, match=says):
@@ -123,7 +125,7 @@ def test_starts_without_errors_and_without_overshoot():
     assert "without errors (one seed)" in plot_start.draw(flows[:1]).text
     assert mean_starts(flows)[next(iter(mean_starts(flows)))].strain[0] > 0
     flat, *_ = started(height=0.0)
-    assert "no overshoot told from noise" in plot_start.draw(flat).text
+    assert "no overshoot beyond noise" in plot_start.draw(flat).text
     both = [*flows, *started(seed=2, rate=0.2)[0]]
     assert told(figure_of(plot_start, both).axes[0]) == [
         r"$\dot\gamma=5\times10^{-2}$",
