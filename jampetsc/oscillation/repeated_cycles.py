@@ -31,6 +31,7 @@ CYCLE_TOLERANCE = 1e-3  # of |G*|: estimated change by later cycles below which 
 # of G' and of G'', where cycles fluctuate; of |G*| for a part that is far smaller than the other
 MEAN_TOLERANCE, SMALL_PART_TOLERANCE = 0.05, 0.01
 MAX_REPEATED_CYCLES = 60
+MAX_COARSE_CYCLES = 6  # with half of the steps; what is left of a transient then belongs to the second run
 START_STEPS = 16  # steps of the cycle with fixed contacts; linear damping is exact with any number
 ENERGY_TOLERANCE = 8.0  # of the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
 PERIOD = 2.0 * np.pi
@@ -131,13 +132,17 @@ class Cycles:
     def repeat(self, cycles, accurate=True):
         """Run this number of cycles or, for None, until they repeat or fluctuate.
 
-        accurate   whether cycles that fluctuate continue until the error of their mean is within MEAN_TOLERANCE
+        accurate   whether cycles that fluctuate continue until the error of their mean is within MEAN_TOLERANCE; else
+                   there are at most MAX_COARSE_CYCLES
+
+        Raises ConvergenceError if accurate cycles still have a trend, and as `run_cycle`.
         """
-        while len(self.finished) < (cycles or MAX_REPEATED_CYCLES):
+        limit = cycles or (MAX_REPEATED_CYCLES if accurate else MAX_COARSE_CYCLES)
+        while len(self.finished) < limit:
             self.run_cycle()
             if cycles is None and (self.repeats or self._fluctuates(accurate)):
                 return
-        if cycles is None and self.mean is None:
+        if cycles is None and accurate and self.mean is None:
             raise ConvergenceError(
                 f"G* does not repeat: the last of {MAX_REPEATED_CYCLES} cycles changes it by "
                 f"{100 * self.change / abs(self.finished[-1].G):.2g} %. Give {named('cycles')} "
