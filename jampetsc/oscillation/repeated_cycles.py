@@ -31,7 +31,7 @@ CYCLE_TOLERANCE = 1e-3  # of |G*|: estimated change by later cycles below which 
 # of G' and of G'', where cycles fluctuate; of |G*| for a part that is far smaller than the other
 MEAN_TOLERANCE, SMALL_PART_TOLERANCE = 0.05, 0.01
 MAX_REPEATED_CYCLES = 60
-MAX_COARSE_CYCLES = 6  # with half of the steps; what is left of a transient then belongs to the second run
+MAX_COARSE_CYCLES = 6  # with half of the steps; the second run has the rest of a transient
 START_STEPS = 16  # steps of the cycle with fixed contacts; linear damping is exact with any number
 ENERGY_TOLERANCE = 8.0  # of the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
 PERIOD = 2.0 * np.pi
