@@ -2,10 +2,13 @@
 
     .venv/bin/python benchmarks/oscillate.py [--n 256] [--pressure 1e-3] [--alpha 0.5] [--omega 1e-8] [--stress 1e-5]
 
-Velocities are defined by the equations only implicitly, and eliminating them would make the Jacobian dense. So scipy
-gets unknowns and velocities, with a mass so small that it does not matter, and the exact sparse Jacobian. Both start
-from the equivalent linear damping; scipy goes on until G* of a cycle is that of the one before, and what both find is
-compared. Times in one process, one after the other.
+With --strain contacts move: what each amplitude of a chain costs in time steps, Newton steps, factors, cycles and
+seconds of CPU, and how well G' and G'' are known.
+
+Without, contacts are fixed. Velocities are defined by the equations only implicitly, and eliminating them would make
+the Jacobian dense. So scipy gets unknowns and velocities, with a mass so small that it does not matter, and the exact
+sparse Jacobian. Both start from the equivalent linear damping; scipy goes on until G* of a cycle is that of the one
+before, and what both find is compared. Times in one process, one after the other.
 """
 
 import argparse
@@ -66,6 +69,33 @@ class Equations:
         return sp.bmat([[None, sp.identity(self.size)], [-self.K / self.mass, -B / self.mass]]).tocsc()
 
 
+def print_costs(disks, network, law, args):
+    """A row for each amplitude of moving contacts, in a chain."""
+    from jampetsc.oscillation.amplitude_sweep import sweep_amplitudes
+
+    amplitudes, begun = [float(word) for word in args.strain.split(",")], [time.process_time()]
+    print("| γ₀ | G' | G'' | errors, % | repeats | cycles | steps | Newton | factors | CPU, s |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+
+    def print_row(number, record):
+        G, error = record["G"], record["G_error"]
+        counts = (record[name] for name in ("cycles", "steps_taken", "newton_steps", "factorisations"))
+        begun.append(time.process_time())
+        print(
+            f"| {amplitudes[number]:g} | {G.real:.4g} | {G.imag:.4g} | {100 * error.real / abs(G.real):.1g}, "
+            f"{100 * error.imag / abs(G.imag):.1g} | {'yes' if record['repeats'] else 'no'} | "
+            + " | ".join(map(str, counts))
+            + f" | {begun[-1] - begun[-2]:.0f} |",
+            flush=True,
+        )
+
+    sweep_amplitudes(
+        disks, network, law, omega=[args.omega], amplitudes=amplitudes, control="strain", contacts="moving",
+        steps=args.steps, save=print_row,
+    )  # fmt: skip
+    print(f"\nall: {begun[-1] - begun[0]:.0f} s of CPU")
+
+
 def main():
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("--n", type=int, default=256)
@@ -73,6 +103,7 @@ def main():
     for name, default in (("alpha", 0.5), ("omega", 1e-8), ("stress", 1e-5), ("rtol", 1e-4)):
         words.add_argument(f"--{name}", type=float, default=default)
     words.add_argument("--steps", type=int, default=32)
+    words.add_argument("--strain", help="amplitudes LOW,…,HIGH of moving contacts")
     args = words.parse_args()
     path = packing(args.n, args.pressure)
 
@@ -86,11 +117,14 @@ def main():
     disks = read_packing(path)
     network = build_network(disks, session.start("real").comm)
     law = damping_law(exponent=args.alpha)
+    print(machine())
+    if args.strain:
+        print_costs(disks, network, law, args)
+        return
     oscillation = SteadyOscillation(network, law, 2.0 * float(disks.radii.mean()), args.steps)
     begun = time.perf_counter(), time.process_time()
     found = oscillation.solve(Drive(args.omega, args.stress, stress_controlled=True))
     ours = time.perf_counter() - begun[0], time.process_time() - begun[1]
-    print(machine())
     print(
         f"jampetsc: {ours[0]:.1f} s ({ours[1]:.1f} s of CPU), {args.steps} steps, G* = {found.G:.6g}, "
         f"error {found.error / abs(found.G):.0e}, Newton {found.newton_steps}, linear {found.linear_iterations}",

@@ -792,7 +792,8 @@ def oscillate(
     Steady oscillation of a packing whose contacts are damped by a force ∝ |Δv|^alpha (BT eq. 9): G*(ω) of the first
     harmonic, third and fifth harmonic, work per cycle, with an estimate of the error. With fixed contacts the
     equations are solved for a whole cycle at once, for alpha of at least 0.45; with moving contacts, which open and
-    close, cycles are integrated in time until G* repeats. Moving contacts are sheared, fixed ones take any single load.
+    close, cycles are integrated in time until G* repeats or, above yielding, its mean over cycles is known; each
+    amplitude begins where the next smaller one ended. Moving contacts are sheared, fixed ones take any single load.
 
     Collective.
 
@@ -817,7 +818,7 @@ def oscillate(
     contacts : "fixed" or "moving", default fixed
         contacts: fixed, as in the packing, or moving, which open and close
     cycles : integer or "auto", default None
-        number of cycles with moving contacts, computed with half the steps and then with all; auto (default): until G* repeats from cycle to cycle
+        number of cycles with moving contacts, computed with half the steps and then with all; auto (default): until G* repeats from cycle to cycle or, where cycles fluctuate, its mean is known to 5 %
     load : str, array (D, D) or one of `jampetsc.loads`, default xy
         load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative). Moduli are second derivatives of the energy per volume along F = 1 + εE
     steps : integer, default 64

@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
+
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA, Physics
@@ -39,7 +41,8 @@ class Oscillate(PackingJob):
     Steady oscillation of a packing whose contacts are damped by a force ∝ |Δv|^alpha (BT eq. 9): G*(ω) of the first
     harmonic, third and fifth harmonic, work per cycle, with an estimate of the error. With fixed contacts the
     equations are solved for a whole cycle at once, for alpha of at least 0.45; with moving contacts, which open and
-    close, cycles are integrated in time until G* repeats. Moving contacts are sheared, fixed ones take any single load.
+    close, cycles are integrated in time until G* repeats or, above yielding, its mean over cycles is known; each
+    amplitude begins where the next smaller one ended. Moving contacts are sheared, fixed ones take any single load.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING)
@@ -83,7 +86,7 @@ A killed run continues when the same command is given again."""
     )
     cycles: int | None = optional_parameter(
         "number of cycles with moving contacts, computed with half the steps and then with all; auto (default): "
-        "until G* repeats from cycle to cycle",
+        "until G* repeats from cycle to cycle or, where cycles fluctuate, its mean is known to 5 %",
         value_type=ValueType(_cycles, metavar="auto|N", python='integer or "auto"'),
     )
     load: LoadChoice = load_parameter()
@@ -246,6 +249,16 @@ def _summary(job, to, arrays) -> str:
             third = abs(arrays["harmonics"][a, m, 0])
             lines.append(
                 f"  {job.control} {amplitude:.3g}, omega {job.omega[m]:.3g}: G' = {G[a, m].real:.6g}, "
-                f"G'' = {G[a, m].imag:.6g}, third harmonic {100 * third:.2g} %"
+                f"G'' = {G[a, m].imag:.6g}, third harmonic {100 * third:.2g} %{_cycles_text(arrays, a, m)}"
             )
     return "\n".join(lines)
+
+
+def _cycles_text(arrays, a, m) -> str:
+    """Mean and errors of a point of moving contacts whose cycles do not repeat, in words; else empty."""
+    if "repeats" not in arrays or arrays["repeats"][a, m] or not np.isfinite(arrays["G"][a, m]):
+        return ""
+    G, error, count = arrays["G"][a, m], arrays["G_error"][a, m], arrays["averaged_cycles"][a, m]
+    mean = f"mean of {count} cycles that fluctuate" if count > 1 else "the last cycle, still changing"
+    shares = [100 * error.real / abs(G.real), 100 * error.imag / abs(G.imag)]
+    return f"; {mean}, errors {shares[0]:.2g} and {shares[1]:.2g} %"

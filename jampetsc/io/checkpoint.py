@@ -31,7 +31,7 @@ from jampetsc.io.atomic import (
 from jampetsc.io.parts import remove_if_empty
 from jampetsc.version import VERSION
 
-_VERSION = 5
+_VERSION = 6
 _STEP = re.compile(r"(\d{5,})-rank-\d{4,}")
 _locks = weakref.WeakValueDictionary()  # folder -> its open lock, which this process may use again
 

@@ -31,11 +31,21 @@ amplitude | (A,) | float | k | of what is imposed: stress, of spheres in k/lengt
 G | (A, M) | complex | k | G* = first harmonic of the stress over that of the strain
 error | (A, M) | float | k | estimate of \|ΔG*\|: the difference from the result with half of the steps, plus the
   errors of the solver and of ending after finitely many cycles
+G_error | (A, M) | complex? | k | moving contacts: errors of G' and G'' as real and imaginary part. Where cycles
+  fluctuate, of the mean over cycles, a 68 % interval, plus the energy that steps lose
 harmonics | (A, M, 2) | complex | | third and fifth harmonic over the first, of the strain where stress is imposed and
   the other way round
 work | (A, M) | float | k | ∮σdγ of a cycle, per area, of spheres per volume
 energy_balance | (A, M) | float | | energy dissipated in a cycle and, with moving contacts, stored, over the work,
   minus 1
+harmonics_error | (A, M, 2) | float? | | errors of \|harmonics\|: the difference from half of the steps or, where
+  cycles fluctuate, of the mean over them
+strain_waveform | (A, M, T) | float? | | γ at T equal intervals of a cycle, the first at ωt = 0 of a drive ∝ sin ωt;
+  mean of the cycles that G is the mean of, without drift
+stress_waveform | (A, M, T) | float? | k | σ at these times, likewise
+repeats | (A, M) | bool? | | moving contacts: whether later cycles hardly change G; else cycles fluctuate
+averaged_cycles | (A, M) | int? | | moving contacts: number of cycles that G, harmonics, work and waveforms are means
+  of: 1 where cycles repeat, else those after the transient
 regularisation_effect | (A, M) | float? | k | fixed contacts: estimate of \|ΔG*\| when `regularisation` is halved
 cycle_change | (A, M) | float? | k | moving contacts: \|ΔG*\| between the last two cycles
 drift | (A, M) | float? | | moving contacts: change of the strain in the last cycle under an imposed stress

@@ -1,4 +1,9 @@
-"""Steady oscillations of one packing at several amplitudes and frequencies, distributed over the ranks."""
+"""Steady oscillations of one packing at several amplitudes and frequencies, distributed over the ranks.
+
+With moving contacts the amplitudes of a frequency are a chain: each begins where the next smaller one that has a result
+ended, the smallest at linear response. Its end is in the record of a point, so that a chain that is resumed is the
+same. Frequencies are independent, and shared between ranks.
+"""
 
 import contextlib
 from collections.abc import Callable
@@ -10,8 +15,9 @@ from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load
 from jampetsc.oscillation.dashpots import LINEAR_BELOW
-from jampetsc.oscillation.drive import HARMONICS, Drive, OscillationResult
+from jampetsc.oscillation.drive import Drive
 from jampetsc.oscillation.harmonic_preconditioner import FACTOR_PREFIX
+from jampetsc.oscillation.oscillation_start import Start
 from jampetsc.oscillation.power_law import relative_softening
 from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
 from jampetsc.oscillation.steady_oscillation import SteadyOscillation
@@ -23,6 +29,8 @@ from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.factor_memory import require_memory
 
 COUNTS = ("newton_steps", "linear_iterations", "factorisations", "steps_taken", "cycles")
+INTEGERS = (*COUNTS, "averaged_cycles")
+END = "end"  # in the record of a point: see `Start.record`
 
 
 @dataclass(frozen=True)
@@ -61,7 +69,7 @@ def sweep_amplitudes(
     steps       of a cycle, a multiple of 8
     cycles      with moving contacts: their number in each of two runs; None: until they repeat
     resume      {number of a point: record} of finished points, which are not solved again
-    save        called on every rank with number and record of each point that is solved
+    save        called on every rank with number and record of each point that is solved, in lists and numbers
     load        of fixed contacts; simple shear if not given
 
     Raises ConvergenceError if all points fail.
@@ -69,7 +77,7 @@ def sweep_amplitudes(
     solver = PointSolver(disks, network, law, contacts == "moving", steps, cycles, load)
     unit = network.k if control == "stress" else 1.0  # of a `Drive`
     points = [Drive(float(w), float(a) / unit, control == "stress") for a in amplitudes for w in omega]
-    records, failures = _solve_points(solver, points, unit, dict(resume or {}), save)
+    records, failures = _solve_points(solver, points, len(omega), unit, dict(resume or {}), save)
     if not records:
         raise next(iter(failures.values()))
     arrays = _stack_records(records, (len(amplitudes), len(omega)))
@@ -115,25 +123,32 @@ class PointSolver:
             rho0, steps = 2.0 * float(disks.radii.mean()), START_STEPS if moving else steps
             self._oscillation = SteadyOscillation(network, law, rho0, steps, load=load)
 
-    def solve(self, drive: Drive) -> OscillationResult:
-        """The result of one point; raises ConvergenceError."""
+    def solve(self, drive: Drive, end: dict | None = None) -> dict:
+        """The record of one point; raises ConvergenceError.
+
+        end   of another amplitude, at which this one begins; None: at linear response
+        """
         if not self.on_one_rank:
-            return self._oscillation.solve(drive)
-        start = self._oscillation.start(drive)
-        return repeat_cycles(self._disks, self._law, start, self._steps, self._cycles)
+            return self._oscillation.solve(drive).record()
+        if end is None:
+            start, disks = self._oscillation.start(drive), self._disks
+        else:
+            start, disks = Start.after(end, self._disks, drive)
+        result, final, disks = repeat_cycles(disks, self._law, start, self._steps, self._cycles)
+        return result.record() | {END: final.record(disks)}
 
 
 def _solve_batch(solver, points) -> list:
-    """The record of each point, or the ConvergenceError that it ended with. Collective."""
+    """The record of each (drive, end of the amplitude before), or its ConvergenceError. Collective."""
 
-    def outcome(drive):
+    def outcome(point):
         try:
-            return solver.solve(drive).record()
+            return solver.solve(*point)
         except ConvergenceError as error:
             return error
 
     if not solver.on_one_rank:
-        return [outcome(drive) for drive in points]
+        return [outcome(point) for point in points]
     own, comm = None, solver.comm
     if comm.rank < len(points):
         with current().alone():
@@ -141,10 +156,11 @@ def _solve_batch(solver, points) -> list:
     return comm.allgather(own)[: len(points)]
 
 
-def _solve_points(solver, points, unit, records, save):
+def _solve_points(solver, points, frequencies, unit, records, save):
     """({number: record} of all finished points, {number: ConvergenceError}); `records` are finished already.
 
-    unit   of the amplitudes of the points
+    frequencies   their number: points of one amplitude follow each other
+    unit          of the amplitudes of the points
     """
     session, comm, failures = current(), solver.comm, {}
     missing = [number for number in range(len(points)) if number not in records]
@@ -153,9 +169,15 @@ def _solve_points(solver, points, unit, records, save):
         if records:
             progress.note(f"resuming: {len(records)} points are finished")
         while missing:
-            batch, missing = missing[:batch_size], missing[batch_size:]
+            row = missing[0] // frequencies
+            batch = [number for number in missing[:batch_size] if number // frequencies == row]
+            missing = missing[len(batch) :]
+            starts = [
+                (points[number], _end_before(records, number, frequencies) if solver.on_one_rank else None)
+                for number in batch
+            ]
             with session.stage("oscillation"):
-                outcomes = _solve_batch(solver, [points[number] for number in batch])
+                outcomes = _solve_batch(solver, starts)
             for number, outcome in zip(batch, outcomes, strict=True):
                 drive = points[number]
                 point = f"omega {drive.omega:.3e}  {drive.control} {unit * drive.amplitude:.1e}"
@@ -168,6 +190,12 @@ def _solve_points(solver, points, unit, records, save):
                     save(number, outcome)
                 progress.step(f"{point}  {_summarise(outcome)}")
     return records, failures
+
+
+def _end_before(records, number, frequencies) -> dict | None:
+    """Where the next smaller amplitude with a result at the frequency of a point ended; None without one."""
+    earlier = range(number - frequencies, -1, -frequencies)
+    return next((records[other][END] for other in earlier if other in records), None)
 
 
 def _summarise(record) -> str:
@@ -184,11 +212,13 @@ def _summarise(record) -> str:
 def _stack_records(records, shape):
     """Datasets (A, M, …) from the records of finished points."""
     arrays = {}
-    for name in next(iter(records.values())):
-        more = (HARMONICS,) if name == "harmonics" else ()
-        dtype = complex if name in ("G", "harmonics") else int if name in COUNTS else float
-        values = np.full((shape[0] * shape[1], *more), 0 if dtype is int else np.nan, dtype)
+    for name, example in next(iter(records.values())).items():
+        if name == END:
+            continue
+        dtype = bool if name == "repeats" else int if name in INTEGERS else np.result_type(np.array(example))
+        empty = np.nan if dtype not in (bool, int) else 0
+        values = np.full((shape[0] * shape[1], *np.shape(example)), empty, dtype)
         for number, record in records.items():
             values[number] = record[name]
-        arrays[name] = values.reshape(*shape, *more)
+        arrays[name] = values.reshape(*shape, *values.shape[1:])
     return arrays

@@ -82,12 +82,12 @@ class Dashpots:
 
     def squares(self, tangents):
         """Zᵀ D Z of each contact for D = `tangents`: its blocks disks–disks, disks–strain and strain–strain."""
-        weighted = np.einsum("cfg,cgx->cfx", tangents, self._Z)
-        along = np.einsum("cfg,cg->cf", tangents, self._sheared)
+        weighted = tangents @ self._Z
+        along = (tangents @ self._sheared[:, :, None])[:, :, 0]
         return (
-            np.einsum("cfx,cfy->cxy", self._Z, weighted),
-            np.einsum("cfx,cf->cx", self._Z, along),
-            np.einsum("cf,cf->c", self._sheared, along),
+            self._Z.swapaxes(1, 2) @ weighted,
+            (along[:, None, :] @ self._Z)[:, 0],
+            np.sum(self._sheared * along, axis=1),
         )
 
 

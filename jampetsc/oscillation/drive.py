@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 HARMONICS = 2  # saved besides the first: third and fifth
+WAVEFORM_TIMES = 128  # of a cycle, at equal intervals, at which strain and stress are saved
+LISTS = "harmonics", "harmonics_error", "strain_waveform", "stress_waveform"
 MIN_FIXED_ALPHA = 0.45  # below, FGMRES does not solve the equations of fixed contacts, which stick
 
 
@@ -71,6 +73,15 @@ class Drive:
             G, strain = complex(first / self.amplitude), self.amplitude
         return Moduli(G, np.array(higher) / first, strain, work)
 
+    def waveform(self, values, times, drift: float = 0.0):
+        """Strain and stress (2, WAVEFORM_TIMES) from ωt = 0 on of a response as in `moduli`, between whose times it is
+        linear.
+        """
+        moments = np.arange(WAVEFORM_TIMES) / WAVEFORM_TIMES
+        response = np.interp(moments, times, values - drift * times, period=1.0)
+        imposed = self.amplitude * np.sin(2.0 * np.pi * moments)
+        return np.array((response, imposed) if self.stress_controlled else (imposed, response))
+
 
 @dataclass(frozen=True, kw_only=True)
 class OscillationResult:
@@ -82,6 +93,16 @@ class OscillationResult:
     work: float  # per volume and cycle
     energy_balance: float  # (energy dissipated + stored) / work − 1
     newton_steps: int
+    strain_waveform: np.ndarray | None = (
+        None  # (WAVEFORM_TIMES,) of the cycles that G is the mean of, from ωt = 0 on
+    )
+    stress_waveform: np.ndarray | None = None  # likewise
+    G_error: complex | None = None  # of G' and of G''
+    harmonics_error: np.ndarray | None = None  # (2,) estimates of |Δ| of `harmonics`
+    repeats: bool | None = (
+        None  # whether cycles repeat; else G is the mean over cycles that fluctuate, or the last one
+    )
+    averaged_cycles: int | None = None  # number of cycles that G is the mean of
     linear_iterations: int | None = None
     factorisations: int | None = None
     regularisation_effect: float | None = None  # estimate of |ΔG*| if contacts were regularised half as much
@@ -93,5 +114,5 @@ class OscillationResult:
     def record(self) -> dict:
         """{dataset: value} for the file."""
         values = {field.name: getattr(self, field.name) for field in fields(OscillationResult)}
-        values["harmonics"] = list(self.harmonics)
-        return {name: value for name, value in values.items() if value is not None}
+        values = {name: value for name, value in values.items() if value is not None}
+        return values | {name: list(values[name]) for name in LISTS if name in values}

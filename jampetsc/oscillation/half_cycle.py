@@ -16,6 +16,8 @@ from functools import cached_property
 
 import numpy as np
 
+from jampetsc.oscillation.drive import WAVEFORM_TIMES
+
 
 @dataclass(frozen=True)
 class Cycle:
@@ -62,3 +64,8 @@ class Cycle:
     def integral(self):
         """Antisymmetric matrix (m, m) that takes velocities to displacements."""
         return ((self._waves / (1j * self.frequencies)) @ self._waves.conj().T).real * (2.0 / self.m)
+
+    def wave(self, harmonics):
+        """Values (WAVEFORM_TIMES,) of harmonics c (m/2,) at equal intervals of a cycle from the phase −π/2 on."""
+        phases = 2.0 * np.pi * np.arange(WAVEFORM_TIMES) / WAVEFORM_TIMES - 0.5 * np.pi
+        return (np.exp(1j * np.outer(phases, self.orders)) @ harmonics).real

@@ -1,4 +1,4 @@
-"""The start of an oscillation with moving contacts: the steady one with fixed contacts."""
+"""The start of an oscillation with moving contacts: the steady one with fixed contacts, or the end of another one."""
 
 from dataclasses import dataclass, replace
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.oscillation.drive import Drive
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.packing import Packing, deformed
+from jampetsc.packing.packing import PLACES, Packing, deformed
 from jampetsc.packing.strain import simple_shear
 from jampetsc.response.contact_network import DistributedNetwork
 
@@ -23,6 +23,7 @@ class Start:
     strain: float  # amplitude
     modulus: float  # |G*|
     speed: float  # root mean square of |z| over contacts and time, see `power_law`
+    reference: float = 0.0  # strain of the disks that `displacement` is for
 
     @classmethod
     def of(cls, network: DistributedNetwork, drive: Drive, motion, velocity, *scalars: float) -> "Start":
@@ -38,13 +39,44 @@ class Start:
 
         return cls(drive, whole(motion[:, : network.dimension]), whole(velocity), *scalars)
 
+    def record(self, disks: Packing) -> dict:
+        """What an oscillation of another amplitude of these disks needs, in numbers and lists: see `after`.
+
+        disks   where they are now, so that `displacement` is zero
+        """
+        fields = {name: getattr(self, name) for name in ("gamma", "rate", "strain", "modulus", "speed")}
+        fields |= {"velocity": self.velocity.tolist()}
+        fields |= {name: getattr(disks, name).tolist() for name in PLACES}
+        return fields | {"amplitude": self.drive.amplitude}
+
+    @classmethod
+    def after(cls, record: dict, disks: Packing, drive: Drive) -> tuple["Start", Packing]:
+        """The start of an oscillation where another one of the same packing has ended, and the disks there.
+
+        record   of the other one; velocities and the scales of strain are multiplied by the ratio of the amplitudes
+        """
+        ratio = drive.amplitude / record["amplitude"]
+        disks = disks.replace(**{name: np.array(record[name]) for name in PLACES})
+        start = cls(
+            drive,
+            displacement=np.zeros_like(disks.base),
+            velocity=ratio * np.array(record["velocity"]),
+            gamma=record["gamma"],
+            rate=ratio * record["rate"],
+            strain=ratio * record["strain"],
+            modulus=record["modulus"],
+            speed=ratio * record["speed"],
+            reference=record["gamma"],
+        )
+        return start, disks
+
     def near(self, disks: Packing) -> "Start":
         """This start or, if its displacements open or close contacts of these disks, an undeformed start at rest.
 
         Forces of fixed contacts are wrong where contacts open or close: a disk with only one neighbour, such as a
         rattler that another disk hits, would roll off it at once, however short the steps are.
         """
-        moved = deformed(disks, self.displacement, simple_shear(self.gamma))
+        moved = deformed(disks, self.displacement, simple_shear(self.gamma - self.reference))
         has_same_contacts = np.array_equal(
             *(_pairs(find_contacts(packing), disks.n) for packing in (disks, moved))
         )

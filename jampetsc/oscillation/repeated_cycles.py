@@ -1,21 +1,24 @@
-"""Cycles of imposed strain or stress with moving contacts, until G* does not change any more from cycle to cycle.
+"""Cycles of imposed strain or stress with moving contacts, until they repeat or their mean is known.
 
-The drive is ∝ sin ωt and begins at the steady oscillation with fixed contacts. Time is in units of 1/ω, since with
-small exponents ω may be any power of ten. Under stress the strain may creep from cycle to cycle; that ramp is removed
-before harmonics are computed. Work is ∮σdγ of drive and response, so πG''γ₁².
+The drive is ∝ sin ωt and begins at the steady oscillation with fixed contacts, or where an oscillation of another
+amplitude has ended. Time is in units of 1/ω, since with small exponents ω may be any power of ten. Under stress the
+strain may creep from cycle to cycle; that ramp is removed before harmonics are computed. Work is ∮σdγ of drive and
+response, so πG''γ₁².
 
 Steps adapt, see `adaptive_steps`. Harmonics are integrals by their quadrature, so where the strain is imposed the error
 of a cycle is the sum of the errors of its steps.
 
-There are two runs, the first with half of the steps; the second starts where the first ended. Their difference
-estimates the error of the steps, and the changes of the last cycles, continued as a geometric series, the error of
-ending after finitely many cycles.
+There are two runs, the first with half of the steps; the second starts where the first ended. Where cycles repeat, the
+difference of the runs estimates the error of the steps, and the changes of the last cycles that of ending after
+finitely many. Where they fluctuate, the first run is part of the transient; the error is the standard error of the
+mean over the cycles of the second, plus the energy that its steps lose (see `analysis.cycle_series`).
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from jampetsc.analysis.cycle_series import CycleMean, fluctuation_error, fluctuation_mean, remaining_change
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.laws.damping import Law
 from jampetsc.oscillation.adaptive_steps import AdaptiveSteps
@@ -25,8 +28,10 @@ from jampetsc.oscillation.oscillation_start import Start
 from jampetsc.packing.packing import Packing
 
 CYCLE_TOLERANCE = 1e-3  # of |G*|: estimated change by later cycles below which cycles count as repeating
-ROUNDING_TOLERANCE = 1e-7  # of |G*|: a change this small is rounding
+# of G' and of G'', where cycles fluctuate; of |G*| for a part that is far smaller than the other
+MEAN_TOLERANCE, SMALL_PART_TOLERANCE = 0.05, 0.01
 MAX_REPEATED_CYCLES = 60
+MAX_COARSE_CYCLES = 6  # with half of the steps; the second run has the rest of a transient
 START_STEPS = 16  # steps of the cycle with fixed contacts; linear damping is exact with any number
 ENERGY_TOLERANCE = 8.0  # of the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
 PERIOD = 2.0 * np.pi
@@ -35,38 +40,58 @@ MAX_STRAIN_DRIFT = 1.0  # of a cycle; a packing whose strain changes by more flo
 
 def repeat_cycles(
     disks: Packing, law: Law, start: Start, steps: int, cycles: int | None
-) -> OscillationResult:
-    """G* of the oscillation that begins at `start`, with `steps` steps per cycle.
+) -> tuple[OscillationResult, Start, Packing]:
+    """G* of the oscillation that begins at `start`, with `steps` steps per cycle, where it ended, and the disks there.
 
-    cycles   number of cycles of each run; None: until they repeat
+    disks    at the strain `start.reference`
+    cycles   number of cycles of each run; None: until they repeat, or fluctuate about a mean that is known
 
-    Raises ConvergenceError if a step is too long, the packing flows, or MAX_REPEATED_CYCLES do not repeat.
+    Raises ConvergenceError if a step is too long, the packing flows, or MAX_REPEATED_CYCLES still have a trend.
     """
     start = start.near(disks)
-    runs, strain, initial = [], 0.0, (start.displacement, start.velocity, start.gamma, start.rate)
-    for count in (steps // 2, steps):
-        run = Cycles(disks, law, start, count, strain)
-        runs.append(run)
-        run.motion.displace(*initial)
-        run.repeat(cycles)
-        final = run.motion
-        disks, strain = final.disks, final.gamma
-        initial = 0.0 * final.offsets, final.velocities, final.gamma, final.rate
-    coarse, fine = runs
-    last = fine.finished[-1]
-    return OscillationResult(
-        G=last.G,
-        error=abs(last.G - coarse.finished[-1].G) + min(fine.remaining, fine.spread),
-        harmonics=last.moduli.harmonics,
-        work=last.moduli.work,
-        energy_balance=last.consumed / last.moduli.work - 1.0,
-        cycle_change=fine.change,
-        drift=last.drift,
-        cycles=sum(len(run.finished) for run in runs),
-        steps_taken=sum(run.steps.accepted for run in runs),
-        factorisations=sum(run.motion.matrix.factorisations for run in runs),
-        newton_steps=sum(run.motion.stages.iterations for run in runs),
+    coarse = Cycles(disks, law, start, steps // 2)
+    coarse.repeat(cycles, accurate=False)
+    fine = Cycles(coarse.motion.disks, law, coarse.final, steps)
+    fine.repeat(cycles)
+    averaged = fine.averaged
+    harmonics = np.array([cycle.moduli.harmonics for cycle in averaged])
+    G = complex(np.mean([cycle.G for cycle in averaged]))
+    consumed, work = (
+        float(np.mean(values))
+        for values in zip(*((cycle.consumed, cycle.moduli.work) for cycle in averaged), strict=True)
     )
+    balance = consumed / work - 1.0
+    if fine.mean is None or fine.repeats:
+        of_steps, rest = G - coarse.finished[-1].G, min(fine.remaining, fine.spread)
+        error = abs(of_steps) + rest
+        harmonics_error = abs(harmonics[-1] - coarse.finished[-1].moduli.harmonics)
+        G_error = complex(abs(of_steps.real) + rest, abs(of_steps.imag) + rest)
+    else:
+        lost = abs(balance) * complex(abs(G.real), abs(G.imag))
+        G_error = fine.mean.errors + lost
+        error = abs(G_error)
+        harmonics_error = np.abs([fluctuation_error(values) for values in harmonics.T])
+    strain, stress = np.mean([cycle.waveform for cycle in averaged], axis=0)
+    result = OscillationResult(
+        G=G,
+        error=error,
+        G_error=G_error,
+        harmonics=harmonics.mean(axis=0),
+        harmonics_error=harmonics_error,
+        work=work,
+        energy_balance=balance,
+        repeats=fine.repeats,
+        averaged_cycles=len(averaged),
+        strain_waveform=strain,
+        stress_waveform=stress,
+        cycle_change=fine.change,
+        drift=averaged[-1].drift,
+        cycles=sum(len(run.finished) for run in (coarse, fine)),
+        steps_taken=sum(run.steps.accepted for run in (coarse, fine)),
+        factorisations=sum(run.motion.matrix.factorisations for run in (coarse, fine)),
+        newton_steps=sum(run.motion.stages.iterations for run in (coarse, fine)),
+    )
+    return result, fine.final, fine.motion.disks
 
 
 @dataclass(frozen=True)
@@ -76,50 +101,90 @@ class CycleResult:
     moduli: Moduli
     consumed: float  # energy per volume, dissipated and stored
     drift: float  # change of the strain
+    waveform: np.ndarray | None = None  # (2, times) strain and stress, see `Drive.waveform`
 
     @property
     def G(self) -> complex:
         return self.moduli.G
 
 
-def remaining_change(G) -> float:
-    """Estimate of how much later cycles would change the last of G (cycles,): a geometric series; inf if it grows."""
-    change, previous = abs(np.diff(G[-3:]))[::-1] if len(G) > 2 else (np.inf, np.inf)
-    if len(G) > 1 and abs(G[-1] - G[-2]) <= ROUNDING_TOLERANCE * abs(G[-1]):
-        return float(abs(G[-1] - G[-2]))
-    return float(change * max(1.0, change / (previous - change))) if change < previous else np.inf
-
-
 class Cycles:
-    """Cycles, each of a number of steps, of a packing at this strain.
+    """Cycles, each of a number of steps, of a packing from a start.
 
     finished   the `CycleResult` of each
-    steps      its `AdaptiveSteps`
     """
 
-    def __init__(self, disks, law, start, steps, gamma=0.0):
+    def __init__(self, disks, law, start, steps):
         drive = start.drive
         unit = float(disks.potential.k) if drive.stress_controlled else 1.0
-        self.count, self.drive = steps, replace(drive, omega=1.0, amplitude=unit * drive.amplitude)
+        self.count, self._start = steps, start
+        self.drive = replace(drive, omega=1.0, amplitude=unit * drive.amplitude)
         scaled = replace(law, tau1=drive.omega * law.tau1)
-        self.motion = MovingContacts(disks, scaled, PERIOD / steps, start.strain, start.speed, gamma)
+        self.motion = MovingContacts(
+            disks, scaled, PERIOD / steps, start.strain, start.speed, start.reference
+        )
+        self.motion.displace(start.displacement, start.velocity, start.gamma, start.rate)
         self.steps = AdaptiveSteps(self.motion, self.drive.at)
         self._lost = ENERGY_TOLERANCE / steps**3 * np.pi * self.motion.volume  # over |G*|γ₁²
         self._stored = start.modulus * start.strain**2  # |G*|γ₁² of the last cycle
         self.finished = []
 
-    def repeat(self, cycles):
-        """Run this number of cycles or, for None, until they repeat."""
-        while len(self.finished) < (cycles or MAX_REPEATED_CYCLES):
+    def repeat(self, cycles, accurate=True):
+        """Run this number of cycles or, for None, until they repeat or fluctuate.
+
+        accurate   whether cycles that fluctuate continue until the error of their mean is within MEAN_TOLERANCE; else
+                   there are at most MAX_COARSE_CYCLES
+
+        Raises ConvergenceError if accurate cycles still have a trend, and as `run_cycle`.
+        """
+        limit = cycles or (MAX_REPEATED_CYCLES if accurate else MAX_COARSE_CYCLES)
+        while len(self.finished) < limit:
             self.run_cycle()
-            if cycles is None and self.remaining <= CYCLE_TOLERANCE * abs(self.finished[-1].G):
+            if cycles is None and (self.repeats or self._fluctuates(accurate)):
                 return
-        if cycles is None:
+        if cycles is None and accurate and self.mean is None:
             raise ConvergenceError(
                 f"G* does not repeat: the last of {MAX_REPEATED_CYCLES} cycles changes it by "
                 f"{100 * self.change / abs(self.finished[-1].G):.2g} %. Give {named('cycles')} "
                 f"{MAX_REPEATED_CYCLES} to keep its value."
             )
+
+    @property
+    def repeats(self) -> bool:
+        """Whether later cycles would hardly change G*."""
+        return bool(self.remaining <= CYCLE_TOLERANCE * abs(self.finished[-1].G))
+
+    @property
+    def mean(self) -> CycleMean | None:
+        """The mean of G* where cycles fluctuate."""
+        return fluctuation_mean([cycle.G for cycle in self.finished])
+
+    def _fluctuates(self, accurate) -> bool:
+        mean = self.mean
+        if mean is None or not accurate:
+            return mean is not None
+        G, errors = mean.value, mean.errors
+        limit = SMALL_PART_TOLERANCE * abs(G)
+        return all(
+            error <= max(MEAN_TOLERANCE * abs(part), limit)
+            for part, error in ((G.real, errors.real), (G.imag, errors.imag))
+        )
+
+    @property
+    def averaged(self) -> list[CycleResult]:
+        """The cycles whose mean is the result: the last one or, where they fluctuate, those after the transient."""
+        mean = None if self.repeats else self.mean
+        return self.finished[-1:] if mean is None else self.finished[mean.transient :]
+
+    @property
+    def final(self) -> Start:
+        """The start of another oscillation of the same drive, with the disks of `motion` as they are now."""
+        motion, still = self.motion, np.zeros_like(self.motion.offsets)
+        last = self.finished[-1].moduli
+        return replace(
+            self._start, displacement=still, velocity=motion.velocities, gamma=motion.gamma, rate=motion.rate,
+            strain=last.strain, modulus=abs(last.G), reference=motion.gamma,
+        )  # fmt: skip
 
     @property
     def change(self) -> float:
@@ -153,6 +218,8 @@ class Cycles:
                     f"less {named('stress')}."
                 )
         drift, (times, weights, response) = motion.gamma - initial, np.array(rows).T
-        moduli = self.drive.moduli(response, times / PERIOD, weights / PERIOD, drift if free else 0.0)
+        times, ramp = times / PERIOD, drift if free else 0.0
+        moduli = self.drive.moduli(response, times, weights / PERIOD, ramp)
         self._stored = abs(moduli.G) * moduli.strain**2
-        self.finished.append(CycleResult(moduli, consumed / motion.volume, drift))
+        waveform = self.drive.waveform(response, times, ramp)
+        self.finished.append(CycleResult(moduli, consumed / motion.volume, drift, waveform))

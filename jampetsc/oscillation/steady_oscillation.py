@@ -83,6 +83,9 @@ class SteadyOscillation:
             G=whole.G,
             error=abs(whole.G - half.G) + whole.relative_residual(law) * abs(whole.G),
             harmonics=whole.harmonics,
+            harmonics_error=abs(whole.harmonics - half.harmonics),
+            strain_waveform=whole.strain_waveform,
+            stress_waveform=whole.stress_waveform,
             work=whole.work,
             energy_balance=whole.dissipation / whole.work - 1.0,
             regularisation_effect=whole.relative_residual(softer) * abs(whole.G),
@@ -179,7 +182,9 @@ class _Run:
         _, row, self.z = equations.balance(self.state, rate)
         strain = self.waves[:, -1] / (1j * cycle.frequencies * L)
         stress = equations.stress * np.cos(cycle.phase) if drive.stress_controlled else row / (L * H)
-        response = strain if drive.stress_controlled else cycle.harmonics(stress)
+        of_stress = cycle.harmonics(stress)
+        response = strain if drive.stress_controlled else of_stress
+        self.strain_waveform, self.stress_waveform = cycle.wave(strain), cycle.wave(of_stress)
         self.G = complex((equations.stress if drive.stress_controlled else response[0]) / strain[0])
         self.harmonics = np.append(response[1:] / response[0], np.zeros(HARMONICS))[:HARMONICS]
         weight = 2.0 * np.pi / cycle.omega / cycle.m  # a step and its mirror image in the other half cycle

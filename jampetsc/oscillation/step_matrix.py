@@ -46,7 +46,7 @@ class StepMatrix:
         if pairs is not self.pairs:
             self.pairs, self._pattern = pairs, Pattern(pairs, n, d)
         elastic_rows, elastic_sheared = motion_rows(CENTRAL_FORMS, bonds, self._rims, d)
-        blocks = np.einsum("cf,cfx,cfy->cxy", weights, elastic_rows, elastic_rows)
+        blocks = (weights[:, :, None] * elastic_rows).swapaxes(1, 2) @ elastic_rows
         viscous, mixed, alone = dashpots.squares(damping)
         blocks[dashpots.touching] += viscous
         blocks = blocks[:, :d, :d], blocks[:, d:, d:], blocks[:, :d, d:]

@@ -39,18 +39,21 @@ def test_what_is_refused_once_the_packing_is_read(packing, tmp_path, words, mess
 
 
 def test_steps_in_time_on_any_number_of_ranks(packing, tmp_path):
-    """Points are shared between ranks, and each is the same to the last bit; a journal of one rank serves two."""
-    words = "--contacts moving --omega 0.3,1 --cycles 3 --stress 1e-6 --steps 16".split()
+    """Frequencies are shared between ranks, and each chain of amplitudes is the same to the last bit; a journal of one
+    rank serves two.
+    """
+    words = "--contacts moving --omega 0.3,1 --cycles 3 --stress 1e-6,1e-4 --steps 16".split()
     line = ("oscillate", packing, "--out", tmp_path / "2.h5", *words)
     assert launch.run(0, "run_with_disk_faults.py", "steps", 1, *line).returncode < 0  # killed
     files = []
     for ranks in (0, 2):
         done = oscillate(packing, "--out", tmp_path / f"{ranks}.h5", *words, ranks=ranks)
         assert done.returncode == 0, done.stderr
-        assert "2 oscillations" in done.stdout and "[2/2]" in done.stderr
+        assert "4 oscillations" in done.stdout and "[4/4]" in done.stderr
         assert ("1 points are finished" in done.stderr) == (ranks == 2)
         files.append(load(tmp_path / f"{ranks}.h5"))
     one, two = files
-    np.testing.assert_array_equal(one["G"], two["G"])
-    np.testing.assert_array_equal(one["cycles"], [[6, 6]])
+    for name in ("G", "stress_waveform", "steps_taken"):
+        np.testing.assert_array_equal(one[name], two[name])
+    np.testing.assert_array_equal(one["cycles"], [[6, 6]] * 2)
     assert np.all(one["error"] < 0.05 * abs(one["G"]))

@@ -1,17 +1,22 @@
 """A run of `oscillate`: every point in its place, whoever solved it, and what becomes of those that fail."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from samples import SAMPLES, network_of, physics, polydisperse, published, put
+from spheres import few_spheres
 from sweeps import Sweep
 
 import jampetsc
 from jampetsc.commands.oscillate import Oscillate
 from jampetsc.errors import ConvergenceError
+from jampetsc.io.checkpoint import read_entry, write_entry
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
 from jampetsc.io.request import Request
-from jampetsc.oscillation.amplitude_sweep import COUNTS, PointSolver, sweep_amplitudes
+from jampetsc.oscillation.amplitude_sweep import END, INTEGERS, PointSolver, sweep_amplitudes
+from jampetsc.oscillation.drive import WAVEFORM_TIMES
 from jampetsc.oscillation.steady_oscillation import SteadyOscillation, SteadyResult
 from jampetsc.petsc.session import current
 
@@ -69,7 +74,7 @@ def test_every_point_is_in_its_place(packing, contacts):
     for name, values in arrays.items():
         np.testing.assert_array_equal(file[name], values)
         assert values.shape[:2] == shape and np.all(np.isfinite(values))
-        assert (values.dtype.kind == "i") == (name in COUNTS)
+        assert (values.dtype.kind == "i") == (name in INTEGERS)
     G, strain = arrays["G"], asked.amplitude[:, None] / abs(arrays["G"])
     np.testing.assert_allclose(arrays["work"], np.pi * G.imag * strain**2, rtol=1e-3)
     assert np.all(np.diff(abs(G), axis=1) > 0.0)
@@ -108,6 +113,54 @@ def test_a_sweep_in_memory_is_resumed(session):
     assert abs(again.arrays["G"][0, 1]) > abs(first.arrays["G"][0, 0])
 
 
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize(("sample", "stress"), [(published, True), (published, False), (few_spheres, False)])
+def test_a_chain_of_amplitudes_that_is_resumed_is_the_same(session, tmp_path, sample, stress):
+    """Each amplitude begins where the one before ended, from the record that a checkpoint keeps of it."""
+    disks, records = sample(), {}
+    options = physics(rotations=False, tau1=2.0, beta=0.5)
+    network = network_of(disks, options, session.comm)
+    words = {"omega": [0.3], "amplitudes": [1e-5, 2e-3] if stress else [1e-4, 3e-2], "steps": 16, "cycles": 1}
+    words |= {"control": "stress" if stress else "strain", "contacts": "moving"}
+
+    def sweep(**more):
+        return sweep_amplitudes(disks, network, options.law, **words | more).arrays
+
+    whole = sweep(save=records.__setitem__)
+    write_entry(tmp_path / "0", records[0])
+    kept = {0: read_entry(tmp_path / "0")[0]}
+    again, alone = sweep(resume=kept), sweep(amplitudes=words["amplitudes"][1:])
+    for name, values in whole.items():
+        np.testing.assert_array_equal(again[name], values, err_msg=name)
+    assert alone["G"][0, 0] != whole["G"][1, 0]
+    assert END not in whole and whole["strain_waveform"].shape == (2, 1, WAVEFORM_TIMES)
+
+
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize("sample", [published, few_spheres])
+@pytest.mark.parametrize("contacts", ["fixed", "moving"])
+@pytest.mark.parametrize("stress", [True, False])
+def test_the_area_within_a_waveform_is_the_work(session, sample, contacts, stress):
+    """∮σdγ = πG''γ₁² of the harmonics of the waveforms, which are those of the file, for 1/ω and k other than 1."""
+    disks = sample().replace(potential=replace(sample().potential, k=2.5))
+    options, amplitude = physics(rotations=False, tau1=0.5, exponent=0.7), 1e-3
+    network = network_of(disks, options, session.comm)
+    words = {"omega": [0.2], "amplitudes": [amplitude], "control": "stress" if stress else "strain"}
+    words |= {"contacts": contacts, "steps": 64 if contacts == "fixed" else 16, "cycles": 1}
+    arrays = sweep_amplitudes(disks, network, options.law, **words).arrays
+    strain, stresses = arrays["strain_waveform"][0, 0], arrays["stress_waveform"][0, 0]
+    first = [2.0 * np.fft.rfft(wave)[1] / len(wave) for wave in (strain, stresses)]
+    G, third = first[1] / first[0], np.fft.rfft(strain if stress else stresses)[3] * 2.0 / WAVEFORM_TIMES
+    imposed = first[1] if stress else first[0]
+    assert imposed == pytest.approx(-1j * amplitude, rel=1e-9)
+    area = 0.5 * np.sum((stresses + np.roll(stresses, -1)) * (np.roll(strain, -1) - strain))
+    assert pytest.approx(G, rel=2e-2) == arrays["G"][0, 0]
+    assert area == pytest.approx(np.pi * arrays["G"][0, 0].imag * abs(first[0]) ** 2, rel=3e-2)
+    assert arrays["work"][0, 0] == pytest.approx(area, rel=3e-2)
+    ratio = third / (first[0] if stress else first[1])
+    assert abs(abs(ratio) - abs(arrays["harmonics"][0, 0, 0])) < 5e-3
+
+
 @pytest.mark.most_ranks(2)
 def test_any_load_of_fixed_contacts(session):
     """Linear damping has the modulus of a sweep, whatever is imposed."""
@@ -123,11 +176,11 @@ def failing(monkeypatch, points, solver):
     """From now on these (ω, amplitude) fail; the list of what is solved, by this rank."""
     real, seen = solver.solve, []
 
-    def solve(self, point):
+    def solve(self, point, *end):
         seen.append((point.omega, point.amplitude))
         if seen[-1] in points:
             raise ConvergenceError("something went wrong")
-        return real(self, point)
+        return real(self, point, *end)
 
     monkeypatch.setattr(solver, "solve", solve)
     return seen

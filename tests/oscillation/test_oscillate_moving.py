@@ -35,7 +35,7 @@ def shaken(omega, amplitude, steps=32, cycles=None, sample=published, stress=Fal
     disks, law = sample(), physics(exponent=alpha, **options)
     oscillation = steady_oscillation(disks, law, START_STEPS)
     start = oscillation.start(Drive(omega, amplitude, stress))
-    return repeat_cycles(disks, law.law, start, steps, cycles)
+    return repeat_cycles(disks, law.law, start, steps, cycles)[0]
 
 
 def moving(step, scale, *more, law=SLIDING, disks=None):
@@ -75,6 +75,9 @@ def test_small_amplitudes_are_fixed_contacts(alpha, omega, amplitude, stress):
     assert abs(found.G - exact.G) <= found.error + exact.error
     assert found.error < 2e-2 * abs(exact.G) < 0.2 * exact.G.imag
     np.testing.assert_allclose(found.harmonics, exact.harmonics, atol=6e-3)
+    for name in ("strain_waveform", "stress_waveform"):
+        wave = getattr(exact, name)
+        np.testing.assert_allclose(getattr(found, name), wave, atol=0.03 * wave.max(), err_msg=name)
     strain = amplitude / abs(found.G) if stress else amplitude
     assert found.work == pytest.approx(np.pi * found.G.imag * strain**2, rel=1e-6)
     assert abs(found.energy_balance) < 8e-3
@@ -125,7 +128,7 @@ def test_contacts_at_rest_are_soft_enough(monkeypatch):
 def test_what_newtons_method_leaves_of_the_forces_does_not_matter(monkeypatch):
     usual = shaken(0.1, 2e-3, 16, 1, rotations=False).G
     monkeypatch.setattr(time_step, "TOLERANCE", 1e-12)
-    assert abs(shaken.__wrapped__(0.1, 2e-3, 16, 1, rotations=False).G - usual) < 1e-9 * abs(usual)
+    assert abs(shaken.__wrapped__(0.1, 2e-3, 16, 1, rotations=False).G - usual) < 1e-7 * abs(usual)
 
 
 def test_rattlers_do_not_matter_where_they_touch_nothing():
@@ -204,7 +207,7 @@ def test_harmonics_of_a_cycle_without_its_creep():
 def test_what_cycles_still_change_is_in_the_error():
     """Also where the halves of the steps happen to agree: so fast that no cycle is like the one before."""
     found = shaken(10.0, 5e-2, 8, cycles=3, rotations=False)
-    assert 0.1 * abs(found.G) < found.cycle_change < found.error
+    assert 0.05 * abs(found.G) < found.cycle_change < found.error and not found.repeats
 
 
 def test_a_stress_that_shears_for_good_is_refused():
@@ -368,7 +371,7 @@ class Told(repeated_cycles.Cycles):
         ([1 + 0.5**n for n in range(60)], None, 11, 0.5**10, 0.5**10, 0.5**5 - 0.5**10),
         ([1.0, 1.0, 7.0], None, 2, 0.0, 0.0, 0.0),  # what has not changed at all is enough
         ([1.0, 2.0] * 50, 7, 7, np.inf, 1.0, 1.0),
-        ([*[1.0, 2.0] * 29, 1.0, 1.0], None, 60, 0.0, 0.0, 1.0),  # the last one is in time
+        ([*np.arange(58.0), 1.0, 1.0], None, 60, 0.0, 0.0, 56.0),  # the last one is in time
         ([10.0, 7.0, 1.5, 1.2, 1.0], 5, 5, 0.4, 0.2, 0.5),  # spread is that of the later half
         ([9.0, 3.0, 1.0, 2.0], 4, 4, 1.0, 1.0, 1.0),
         ([1.0, 2.0, 2.9, 3.71], 4, 4, 7.29, 0.81, 0.81),  # slow: far more than the last change
@@ -386,12 +389,42 @@ def test_cycles_are_repeated_until_what_is_left_is_a_thousandth_and_not_once_mor
 
 
 def test_cycles_that_go_on_changing_are_given_up():
-    run = Told([1.0, 2.0] * 50)
+    run, rough = Told(1.02 ** np.arange(100)), Told(1.02 ** np.arange(100))
+    rough.repeat(None, accurate=False)  # what is left of a transient belongs to the run with all steps
+    assert len(rough.finished) == 6
     with pytest.raises(
-        ConvergenceError, match=r"the last of 60 cycles changes it by 50 %\. Give cycles 60 to keep its value"
+        ConvergenceError, match=r"the last of 60 cycles changes it by 2 %\. Give cycles 60 to keep its value"
     ):
         run.repeat(None)
     assert len(run.finished) == 60
+
+
+def test_cycles_that_fluctuate_are_averaged_until_both_moduli_are_known():
+    """A first run is over once it is clear that they do; a small part need not be known as well as the other."""
+    rng = np.random.default_rng(4)
+    G = (1.0 + 0.1 * rng.normal(size=100)) + 0.01j * rng.normal(size=100)
+    G[:3] += [8.0, 3.0, 1.0]
+    rough, run = Told(G), Told(G)
+    rough.repeat(None, accurate=False)
+    run.repeat(None)
+    assert len(rough.finished) < len(run.finished) < 60 and not run.repeats
+    mean = run.mean
+    assert mean.errors.real <= 0.05 and mean.errors.imag <= 0.01 and mean.transient >= 2
+    assert run.averaged == run.finished[mean.transient :] and rough.mean is not None
+
+
+def test_far_above_yielding_the_mean_of_cycles_is_the_result():
+    """Its moduli, errors, work and waveforms are those of the cycles that are averaged."""
+    found = shaken(0.1, 0.3, 8, cycles=5, rotations=False)
+    assert not found.repeats and 4 <= found.averaged_cycles <= 5 and found.cycles == 10
+    parts = np.array([found.G_error.real, found.G_error.imag])
+    assert np.all(parts < 0.4 * np.array([found.G.real, found.G.imag]))
+    assert found.error == pytest.approx(np.hypot(*parts))
+    assert np.all(parts > 0.9 * abs(found.energy_balance) * np.array([found.G.real, found.G.imag]))
+    work = np.pi * found.G.imag * 0.3**2
+    area = np.sum(found.stress_waveform * np.gradient(np.append(found.strain_waveform, 0.0))[:-1])
+    assert (found.work, area) == (pytest.approx(work), pytest.approx(work, rel=0.1))
+    assert np.all(found.harmonics_error > 0.0) and found.harmonics_error.shape == found.harmonics.shape
 
 
 @pytest.fixture
@@ -432,11 +465,11 @@ def test_newtons_method_takes_few_steps_and_factors():
         counts.append((found.newton_steps, found.factorisations))
     motion = sheared(moving(1e6, 1e-3), 2e-2, 20)
     counts.append((motion.stages.iterations, motion.matrix.factorisations))
-    now = np.array([(76, 8), (94, 2), (297, 227), (475, 151), (224, 36)])
+    now = np.array([(48, 2), (60, 2), (265, 193), (380, 126), (123, 20)])
     assert np.all(np.array(counts) <= 1.15 * now), counts
 
 
-@pytest.mark.parametrize(("strain", "stress", "steps"), [(3e-2, False, (25, 27)), (1e-4, True, (27, 33))])
+@pytest.mark.parametrize(("strain", "stress", "steps"), [(3e-2, False, (25, 33)), (1e-4, True, (27, 33))])
 def test_a_cycle_loses_little_energy(runs, strain, stress, steps):
     """A step is cut where it loses more than 8 n⁻³ of π|G*|γ², so a cycle of n loses less than 8 n⁻²: about half.
 

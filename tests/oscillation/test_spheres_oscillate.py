@@ -113,7 +113,7 @@ def test_axes_and_copies_do_not_matter():
 def shaken(drive, law):
     """Three cycles of the balanced spheres, with moving contacts."""
     start = steady_oscillation(balanced_spheres(), law, START_STEPS).start(drive)
-    return repeat_cycles(balanced_spheres(), law.law, start, 16, 3)
+    return repeat_cycles(balanced_spheres(), law.law, start, 16, 3)[0]
 
 
 @pytest.mark.parametrize(
@@ -205,11 +205,11 @@ def test_a_file_is_resumed_printed_and_drawn(session, tmp_path, monkeypatch, cap
     to = Outlet(tmp_path / "o.h5", tmp_path / "o.h5", Request(job))
     solve, seen = PointSolver.solve, []
 
-    def failing(solver, drive):
+    def failing(solver, drive, *end):
         seen.append(drive)
         if len(seen) == 3:
             raise ConvergenceError("stopped")
-        return solve(solver, drive)
+        return solve(solver, drive, *end)
 
     monkeypatch.setattr(PointSolver, "solve", failing)
     with pytest.raises(ConvergenceError, match="1 of 4 points failed"):

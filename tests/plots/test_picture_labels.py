@@ -11,6 +11,7 @@ from test_event_plots import sheared_events
 from test_floppy_plots import lowest_of, modes_of, quasistatic_of
 from test_flow_plots import facts, series
 from test_jam_plots import jam_of, shear_of
+from test_oscillation_plots import large_oscillations
 from test_picture_limits import curve, run
 from test_probe_plots import slow, sounding
 from test_spectrum import write_sweep
@@ -26,6 +27,7 @@ from jampetsc.plots import (
     jamming_plots,
     mode_plots,
     moduli_plots,
+    oscillation_plots,
     probe_plots,
     quasistatic_plots,
     trade_plots,
@@ -92,6 +94,10 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
     (event_plots.plot_events, lambda folder: [sheared_events()],
      [(r"$\gamma$", r"$\sigma\ [k]$", "--"), (r"$\Delta U/N\ [k]$", "share of larger drops", "ll"),
       (r"first $\left|\gamma\right|$", "share without change", "l-")]),
+    (oscillation_plots.plot_lissajous, lambda folder: [large_oscillations()],
+     [(r"$\gamma$", r"$\sigma/k$", "--"), (r"$\gamma/\gamma_1$", r"$\sigma/\sigma_1$", "--")]),
+    (oscillation_plots.plot_harmonics, lambda folder: [large_oscillations()],
+     [(r"$\gamma_0$", r"$|G_3/G_1|,\ |G_5/G_1|$", "ll")]),
     (jamming_plots.plot_fraction, cooled, [(r"$\phi$", r"$f(\phi)$", "--")]),
     (jamming_plots.plot_pressures, cooled, [(r"$p\ [k_{\rm e}/d_{\rm s}^2]$", "$P(p)$", "--")]),
     (jamming_plots.plot_jamming_densities, cooled, [(r"$\phi_J$", r"$P(\phi_J)$", "--")]),
