@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.laws.damping import Law
-from jampetsc.laws.loads import simple_shear
+from jampetsc.laws.loads import Load
 from jampetsc.laws.relative_motion import linear_forms, load_coefficients
 from jampetsc.minimisation.hessian import Bonds, gathered
 from jampetsc.oscillation.power_law import ContactPowerLaw
@@ -43,13 +43,14 @@ class Dashpots:
     """The damping of the bonds that touch. Arrays of z and f are (contacts, damped).
 
     rims: radii of all disks (N,), in units of the length by which rotations are multiplied
+    flow: the affine flow at unit rate of strain
     """
 
-    def __init__(self, bonds: Bonds, rims, damping: Damping, dofs: int):
+    def __init__(self, bonds: Bonds, rims, damping: Damping, dofs: int, flow: Load):
         self.touching = np.flatnonzero(bonds.overlap > 0.0)
         self.i, self.j = bonds.pairs.i[self.touching], bonds.pairs.j[self.touching]
         self._damping = damping
-        rows, sheared = motion_rows(damping.forms, bonds, rims, dofs, self.touching)
+        rows, sheared = motion_rows(damping.forms, bonds, rims, dofs, flow, self.touching)
         damped = np.flatnonzero(damping.roots)
         roots = damping.roots[damped]
         self._Z, self._sheared = roots[:, None] * rows[:, damped], roots * sheared[:, damped]
@@ -91,10 +92,10 @@ class Dashpots:
         )
 
 
-def motion_rows(forms, bonds: Bonds, rims, dofs: int, chosen=slice(None)):
-    """`linear_forms` of the chosen bonds: coefficients of disks, (M, axes, 2 dofs), and of shear strain, (M, axes)."""
+def motion_rows(forms, bonds: Bonds, rims, dofs: int, flow: Load, chosen=slice(None)):
+    """`linear_forms` of the chosen bonds: coefficients of disks, (M, axes, 2 dofs), and of the strain, (M, axes)."""
     i, j = bonds.pairs.i[chosen], bonds.pairs.j[chosen]
     ends = (rims[i], rims[j]) if dofs > bonds.dimension else None
     coefficients = linear_forms(forms, bonds.normal[:, chosen].T, ends)
-    sheared = load_coefficients(coefficients, simple_shear(bonds.dimension).imposed(bonds.r[:, chosen].T))
+    sheared = load_coefficients(coefficients, flow.imposed(bonds.r[:, chosen].T))
     return stacked(coefficients), np.stack(sheared, axis=1)

@@ -1,22 +1,27 @@
-"""Disks whose contacts open and close while their cell is sheared: implicit steps in time, without inertia.
+"""Disks whose contacts open and close while their cell is strained: implicit steps in time, without inertia.
 
-In the coordinates of a list (see `packing.neighbour_list`) disks move by offsets o, and r = F (r0 + o_j − o_i) with
-F = 1 + g x̂ŷ; their non-affine velocity in the laboratory is u = F ȯ. Forces balance at every instant,
+The cell is strained by 1 + γE, E of a load, simple shear unless another one is given. In the coordinates of a list made
+at γ₀ (see `packing.neighbour_list`) disks move by offsets o, and r = F (r0 + o_j − o_i) with F = (1 + γE)(1 + γ₀E)⁻¹;
+the affine flow has the gradient γ̇ E (1 + γE)⁻¹, and the non-affine velocity in the laboratory is u = F ȯ. Forces
+balance at every instant,
 
     ∂R/∂u = f(o, γ) ,     ∂R/∂γ̇ = σV − ∂U/∂γ   where the stress σ is imposed and the strain free,
 
-f = −∂U/∂r, not linearised, R(u, γ̇) the dissipation potential of the current contacts (see `power_law`); where damping
-is linear ∂R/∂u = B u + b γ̇. `time_step` solves for a step. This module has forces and energy of the springs, and the
-state of the packing between steps.
+f = −∂U/∂r, not linearised, R(u, γ̇) the dissipation potential of the current contacts (see `power_law`) and of the fluid
+(see `fluid_drag`); where damping is linear ∂R/∂u = B u + b γ̇. V is the volume before any strain. A stress is imposed
+along simple shear alone, whose flow is the same at every strain. `time_step` solves for a step. This module has forces
+and energy of the springs, and the state of the packing between steps.
 """
 
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.laws.damping import Law
+from jampetsc.laws.loads import Load, simple_shear
 from jampetsc.laws.relative_motion import transverse_axes
 from jampetsc.minimisation.hessian import Bonds
 from jampetsc.oscillation.dashpots import Damping, Dashpots
+from jampetsc.oscillation.fluid_drag import FluidDrag
 from jampetsc.oscillation.power_law import ContactPowerLaw
 from jampetsc.oscillation.step_matrix import StepMatrix
 from jampetsc.oscillation.time_step import STAGE, DiskState, Stages
@@ -24,7 +29,7 @@ from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.neighbour_list import SKIN_START, ListedPacking, is_stale
 from jampetsc.packing.neighbours import lengths
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.strain import bond_vector, displace, simple_shear
+from jampetsc.packing.strain import UNSTRAINED, Strain, bond_vector, displace, strain_between, strain_of
 
 MAX_OVERLAP_MOVE = 3.0  # mean overlaps: largest move in a Newton step, to stay in the same minimum
 # of an overlap: changes up to which energies are integrals of forces, by Gauss's formula with errors below rounding
@@ -43,15 +48,21 @@ class MovingContacts(ListedPacking):
     scale: strain amplitude, to which the tolerance of forces is relative
     speed: typical |z| of `power_law`, without effect where damping is linear
     gamma: strain of the given disks
+    load: E; simple shear if not given
     u: (N, dofs) velocities, and spins times the mean diameter
     """
 
-    def __init__(self, disks: Packing, law: Law, step: float, scale: float, speed=0.0, gamma=0.0):
+    def __init__(
+        self, disks: Packing, law: Law, step: float, scale: float, speed=0.0, gamma=0.0, load: Load | None = None
+    ):  # fmt: skip
         self.step, self.gamma, self.rate = step, gamma, 0.0
+        self.load = load or simple_shear(disks.dimension)
+        self._is_steady = not (self.load.gradient @ self.load.gradient).any()  # flow the same at every strain
         super().__init__(disks)
         potential = self._potential = disks.potential
         dimension = disks.dimension
-        self.n, self.dofs, self.volume = disks.n, law.dofs(dimension), disks.volume
+        self.n, self.dofs = disks.n, law.dofs(dimension)
+        self.volume = disks.volume / self._growth(gamma)
         # of V over a thickness of one diameter for each axis beyond two, so that γL is a displacement
         self.length = float(np.sqrt(self.volume / self.diameter ** (dimension - 2)))
         stiffness = float(potential.scale(np.array(self.diameter))) ** -2 * float(potential.k)
@@ -63,6 +74,7 @@ class MovingContacts(ListedPacking):
         self._damping = Damping.of(
             law, dimension, ContactPowerLaw.of(law, float(potential.k), self.diameter), speed
         )
+        self._law = law
         self.u = np.zeros((disks.n, self.dofs))
         self.gained = 0.0  # change of the elastic energy in the last step
         self.matrix = StepMatrix(self)
@@ -79,8 +91,21 @@ class MovingContacts(ListedPacking):
         """See `ListedPacking`."""
         return self._strain_at(self.gamma)
 
-    def _strain_at(self, gamma):
-        return simple_shear(gamma - self.listed)
+    def _strain_at(self, gamma) -> Strain:
+        """E of the cell since the list was made."""
+        return strain_between(*(strain_of(strain * self.load.gradient) for strain in (gamma, self.listed)))
+
+    def _growth(self, gamma) -> float:
+        """Volume over that before any strain."""
+        return float(np.linalg.det(np.eye(self.load.dimension) + gamma * self.load.gradient))
+
+    def flow(self, gamma: float) -> Load:
+        """The affine flow of unit rate at a strain, E (1 + γE)⁻¹."""
+        if self._is_steady:
+            return self.load
+        E = self.load.gradient
+        gradient = E @ np.linalg.inv(np.eye(len(E)) + gamma * E)
+        return Load(self.load.name, tuple(map(tuple, gradient.tolist())))
 
     @property
     def velocities(self):
@@ -117,10 +142,10 @@ class MovingContacts(ListedPacking):
                 self.tune(10 * self._served)
             self.fold()
         self._before = self.offsets, self.u, self.gamma, self.rate, self._served
-        previous = self._state
+        previous = self.state
         self.offsets, self.u, ends = step
         self.gamma, self.rate, self._served = ends[-1].gamma, ends[-1].rate, self._served + 1
-        self.gained = self.energy_change(previous, self._state)
+        self.gained = self.energy_change(previous, self.state)
         return ends
 
     def undo(self):
@@ -133,17 +158,15 @@ class MovingContacts(ListedPacking):
         return self.stages.finest * self.step * float(np.abs(self.u).sum())
 
     @property
-    def _state(self) -> DiskState:
+    def state(self) -> DiskState:
+        """The disks as they are now."""
         return self.at(self.offsets, np.zeros_like(self.offsets), self.gamma)
 
     def at(self, base, x, gamma) -> DiskState:
         """See `time_step.StepForces`; places are offsets o, moves x (N, D) are in the laboratory frame."""
-        moved = x.copy()
-        moved[:, 0] -= (gamma - self.listed) * moved[:, 1]
-        offsets = base + moved
-        return DiskState(
-            offsets, gamma, Bonds.of(self.pairs, self._potential, offsets, self._strain_at(gamma))
-        )
+        strain = self._strain_at(gamma)
+        offsets = base + (x + np.column_stack(displace(strain_between(UNSTRAINED, strain), x.T)))
+        return DiskState(offsets, gamma, Bonds.of(self.pairs, self._potential, offsets, strain))
 
     def covers(self, state) -> bool:
         """See `time_step.StepForces`."""
@@ -158,7 +181,8 @@ class MovingContacts(ListedPacking):
         moved = (drawn[pairs.j] - drawn[pairs.i]).T
         change = np.stack(bond_vector(self._strain_at(before.gamma), np.zeros(len(moved)), moved))
         bond = np.stack(pairs.r0) + (after.places[pairs.j] - after.places[pairs.i]).T
-        change += np.stack(displace(simple_shear(after.gamma - before.gamma), bond))
+        growth = (after.gamma - before.gamma) * self.flow(self.listed).gradient
+        change += growth @ bond
         mean_bond = after.bonds.r + before.bonds.r
         deeper = -np.sum(mean_bond * change, axis=0) / (after.bonds.distance + before.bonds.distance)
         old, new = (np.maximum(state.bonds.overlap, 0.0) for state in (before, after))
@@ -171,7 +195,8 @@ class MovingContacts(ListedPacking):
     def forces(self, state):
         """See `time_step.StepForces`."""
         bonds = state.bonds
-        sheared = -float(np.sum(bonds.force * bonds.normal[0] * bonds.r[1]))
+        moved = self.flow(state.gamma).gradient @ bonds.r
+        sheared = -float(np.sum(bonds.force * np.sum(bonds.normal * moved, axis=0)))
         return bonds.on_disks(bonds.force * bonds.normal, self.n), sheared
 
     def curvature(self, state, x, growth):
@@ -181,17 +206,24 @@ class MovingContacts(ListedPacking):
         """
         bonds, pairs = state.bonds, state.bonds.pairs
         w = (x[pairs.j] - x[pairs.i]).T
-        w[0] += growth * bonds.r[1]
+        gradient = self.flow(state.gamma).gradient
+        moved = gradient @ bonds.r
+        w += growth * moved
         along, push = np.sum(bonds.normal * w, axis=0), bonds.force / bonds.distance
-        first, second = -bonds.stiffness * along * bonds.normal[0], np.zeros_like(w)
+        first, second = -bonds.stiffness * along * bonds.normal, np.zeros_like(w)
         for axis in transverse_axes(bonds.normal.T):
             across = np.sum(axis.T * w, axis=0)
             stiff = (bonds.stiffness + push) * across / bonds.distance
-            first += push * across * axis[:, 0]
+            first += push * across * axis.T
             second -= stiff * across * bonds.normal + 2.0 * stiff * along * axis.T
-        sheared = -float(np.sum(second[0] * bonds.r[1] + 2.0 * first * w[1]))
+        sheared = -float(np.sum(second * moved + 2.0 * first * (gradient @ w)))
         return bonds.on_disks(second, self.n), sheared
 
     def dashpots(self, state) -> Dashpots:
         """See `time_step.StepForces`: dashpots of touching pairs."""
-        return Dashpots(state.bonds, self.rims, self._damping, self.dofs)
+        return Dashpots(state.bonds, self.rims, self._damping, self.dofs, self.flow(state.gamma))
+
+    def fluid(self, gamma) -> FluidDrag:
+        """See `time_step.StepForces`."""
+        volume = self.volume * self._growth(gamma)
+        return FluidDrag.of(self._law, self.flow(gamma), float(self._potential.k), self.diameter, volume)

@@ -33,30 +33,32 @@ class StepMatrix:
         self._solver = NewtonSolver(FACTOR_PREFIX, "the matrix of a time step", proves=False)
         self._n, self._dofs, self._rims = springs.n, springs.dofs, springs.rims
         self._stiffness, self._length, self._mu = springs.stiffness, springs.length, 0.0
+        self._load = springs.load
         self.factorisations, self.pairs = 0, None
 
-    def factorise(self, bonds: Bonds, dashpots: Dashpots, damping, free: bool):
+    def factorise(self, bonds: Bonds, dashpots: Dashpots, damping, drag, free: bool):
         """Factorise for the next `solve`.
 
         damping     (contacts, damped, damped) df/dz over h
-        free        whether the strain is unknown
+        drag        (dofs,) of the fluid on each disk, over h
+        free        whether the strain is unknown: that of a shear, whose flow does not turn disks in a fluid
         """
         n, d, pairs, every = self._n, self._dofs, bonds.pairs, np.ones(self._n, bool)
         weights = bonds.weights
         if pairs is not self.pairs:
             self.pairs, self._pattern = pairs, Pattern(pairs, n, d)
-        elastic_rows, elastic_sheared = motion_rows(CENTRAL_FORMS, bonds, self._rims, d)
+        elastic_rows, elastic_sheared = motion_rows(CENTRAL_FORMS, bonds, self._rims, d, self._load)
         blocks = (weights[:, :, None] * elastic_rows).swapaxes(1, 2) @ elastic_rows
         viscous, mixed, alone = dashpots.squares(damping)
         blocks[dashpots.touching] += viscous
         blocks = blocks[:, :d, :d], blocks[:, d:, d:], blocks[:, :d, d:]
         least = MIN_SHIFT * max(self._stiffness, float(np.abs(viscous).max(initial=0.0)))
         self._mu = max(self._mu / SHIFT_GROWTH, least)
-        self._border, unheld = None, self._unheld(bonds)
+        self._border, held = None, self._unheld(bonds) + drag
         while True:
             self.factorisations += 1
             values = self._pattern.sum(*blocks, every)
-            values[self._pattern.diagonal] += self._mu + unheld
+            values[self._pattern.diagonal] += self._mu + held
             if self._solver.factorise(self._pattern.indptr, self._pattern.indices, values):
                 if not free:
                     return

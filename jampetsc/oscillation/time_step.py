@@ -5,10 +5,10 @@ where the law has them, and the growth s of the strain where a stress is imposed
 
     U(w, γ + s) − σV s + h R(w/h, s/h) ,
 
-U the energy of the springs, R the dissipation potential of the dashpots. The set of dashpots is fixed during a stage:
-if it changed, there might be no minimum. It holds the contacts at the beginning of the stage, or at the positions
-to which the last velocities lead. Newton's method keeps a factor of the Hessian as long as it reduces the residual
-well.
+U the energy of the springs, R the dissipation potential of the dashpots and of the fluid. The set of dashpots is fixed
+during a stage: if it changed, there might be no minimum. It holds the contacts at the beginning of the stage, or at the
+positions to which the last velocities lead. Newton's method keeps a factor of the Hessian as long as it reduces the
+residual well.
 
 A step has two stages of equal length; this method is L-stable, so that stiff motions are damped however long a step is,
 and of second order (Alexander, SIAM J. Numer. Anal. 14, 1006 (1977)).
@@ -20,10 +20,12 @@ from typing import Protocol
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, named
+from jampetsc.laws.loads import Load
 from jampetsc.minimisation.hessian import Bonds
 from jampetsc.minimisation.newton import flat_between
 from jampetsc.oscillation.dashpots import Dashpots
 from jampetsc.oscillation.drive import Imposed
+from jampetsc.oscillation.fluid_drag import FluidDrag
 from jampetsc.oscillation.step_matrix import StepMatrix
 from jampetsc.packing.neighbours import lengths
 
@@ -56,7 +58,8 @@ class StepForces(Protocol):
 
     n: int  # number of disks
     dofs: int  # unknowns of each
-    volume: float
+    volume: float  # before any strain
+    load: Load  # E of the strain, x → (1 + γE) x
     length: float  # L, by which the strain is multiplied where it is unknown
     largest: float  # diameter
     rims: np.ndarray  # (N,) radii, in units of the length by which rotations are multiplied
@@ -78,6 +81,9 @@ class StepForces(Protocol):
     def dashpots(self, state: DiskState) -> Dashpots:
         """The dashpots of the contacts of a state."""
 
+    def fluid(self, gamma: float) -> FluidDrag:
+        """The drag of the fluid in the affine flow at this strain."""
+
 
 @dataclass(frozen=True)
 class StageEnd:
@@ -85,7 +91,7 @@ class StageEnd:
 
     gamma: float
     rate: float  # of strain
-    stress: float  # σ_xy, elastic and viscous
+    stress: float  # of the load, elastic and viscous
     power: float  # dissipated
 
 
@@ -99,6 +105,7 @@ class _Trial:
     residual: np.ndarray  # (unknowns + 1,) residual forces, the last on γL
     virial: float  # σV
     rate: float
+    power: float  # dissipated
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +118,7 @@ class _Problem:
     gamma: float  # strain at the beginning or, where it is imposed, at the end
     rate: float  # imposed strain rate, or 0
     imposed: Imposed
+    fluid: FluidDrag
 
     def split(self, q):
         """Displacements (N, dofs) and the growth of the strain in q."""
@@ -136,10 +144,13 @@ class _Problem:
         forces = self.moves(residual)
         forces += elastic
         forces -= forces.mean(axis=0)  # rounding, which would make a large translation of all disks
-        virial, row = dashpots.on_strain(f) + sheared, 0.0
+        u = x / self.h
+        residual -= self.fluid.on_disks(u, rate)
+        virial, row = dashpots.on_strain(f) + sheared + self.fluid.on_strain(u, rate), 0.0
         if self.imposed.free:
             row = (self.imposed.stress * self.springs.volume - virial) / self.springs.length
-        return _Trial(state, z, f, np.append(residual, row), virial, rate)
+        power = float(np.sum(f * z)) + self.fluid.power(u, rate)
+        return _Trial(state, z, f, np.append(residual, row), virial, rate, power)
 
     def curvature(self, state: DiskState, step):
         """Second derivative of the residual forces along a straight step."""
@@ -200,7 +211,7 @@ class Stages:
         """(places, velocities, StageEnd), or None."""
         free = imposed.free
         start = (gamma, 0.0) if free else (imposed.gamma, imposed.rate)
-        problem = _Problem(springs, self.h, base, *start, imposed)
+        problem = _Problem(springs, self.h, base, *start, imposed, springs.fluid(start[0]))
         begun = self._first_iterate(problem, last)
         if begun is None:
             return None
@@ -213,7 +224,8 @@ class Stages:
             tangents = dashpots.tangents(iterate.z, predicted)
             fresh = self._is_stale or self._matrix.pairs is not iterate.state.bonds.pairs
             if fresh:
-                self._matrix.factorise(iterate.state.bonds, dashpots, tangents / self.h, free)
+                drag = problem.fluid.weights / self.h
+                self._matrix.factorise(iterate.state.bonds, dashpots, tangents / self.h, drag, free)
             step = self._matrix.solve(iterate.residual)
             if not fresh and problem.farthest(step) > MAX_CURVED_MOVE * springs.reach:
                 self._is_stale = True  # some disk had no contact when the matrix was factorised
@@ -246,7 +258,7 @@ class Stages:
             iterate.state.gamma,
             iterate.rate,
             iterate.virial / springs.volume,
-            float(np.sum(iterate.f * iterate.z)),
+            iterate.power,
         )
         return iterate.state.places, problem.split(q)[0] / self.h, end
 

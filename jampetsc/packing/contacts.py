@@ -98,6 +98,12 @@ def find_contacts(disks: Particles, rows=None) -> Contacts:
     )
 
 
+def contact_keys(contacts: LinearBonds, n: int):
+    """A whole number for each contact of n particles, (M,) sorted, the same for the same two particles."""
+    i, j = contacts.i.astype(np.int64), contacts.j.astype(np.int64)
+    return np.sort(np.minimum(i, j) * n + np.maximum(i, j))
+
+
 def force_threshold(disks: Particles, pressure: float) -> float:
     """Force above which a contact counts: max(1e-6 p d^(D−1), 1e-14 k d), d the mean diameter, k the unit of stiffness.
 

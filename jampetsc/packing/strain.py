@@ -8,6 +8,8 @@ numba compiles the same functions for loops over pairs (see `bond`), and knows t
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from jampetsc.packing.elementary import cosine_of_third, expm1
 
 
@@ -26,6 +28,13 @@ class Strain(NamedTuple):
 
 
 UNSTRAINED = Strain(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def strain_of(gradient):
+    """E of the rows (D, D) of a displacement gradient."""
+    rows = np.zeros((3, 3))
+    rows[: len(gradient), : len(gradient)] = gradient
+    return Strain(*rows.ravel().tolist())
 
 
 def simple_shear(shear):
