@@ -844,6 +844,70 @@ def oscillate(
         where a solver does not converge
     """
 
+def relax(
+    packing: Packing | _Path,
+    law: Law | str = ...,
+    *,
+    prestress: bool = True,
+    tangential_stiffness: float = 0.0,
+    strain: _Numbers,
+    times: _Numbers | None = None,
+    accuracy: float = 0.001,
+    load: Any = 'xy',
+    out: _Path | None = None,
+    checkpoint: _Path | None = None,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Result:
+    """G(t) after step strains of any size.
+
+    The cell of a packing at rest is strained at t = 0 and held. The disks relax without inertia, contacts open and
+    close, until forces balance again: G(t) = (σ(t) − σ(0⁻))/γ with an estimate of its error, the energy stored and
+    dissipated, and the contacts that changed. For γ → 0 it is the G(t) of spectrum. The step is the limit of a fast
+    one: dashpots and fluid alone decide where it leaves the disks, along with the strain where only a fluid damps
+    them. Masses are not supported.
+
+    Collective.
+
+    Parameters
+    ----------
+    packing : Packing or the name of its file
+        packing
+    law : jampetsc.ContactDamping(…), jampetsc.StokesDrag(…), jampetsc.Law("custom", …) or "contact", "stokes", "custom", default ContactDamping()
+        damping law
+    prestress : bool, default True
+        K keeps the f/r term of its contacts (BT: 'with pre-stress')
+    tangential_stiffness : number, default 0
+        elastic springs between the rims of touching particles, k_t over the stiffness k of each contact; above 0 particles roll, and no contact slips
+    strain : numbers or "low:high:count"
+        step strains γ, the cell becomes 1 + γE with the load E
+    times : numbers or "low:high:count", default None
+        times t at which G is stored; the step takes a hundredth of the first. Default: 10 per decade from 0.001 τ₁ until forces balance, in the time that tau1 is in
+    accuracy : number, default 0.001
+        relative error of the energy balance of a time step, about that of G(t)
+    load : str, array (D, D) or one of `jampetsc.loads`, default xy
+        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative). Moduli are second derivatives of the energy per volume along F = 1 + εE
+    out : name of a file, default None
+        file of the result (default: in memory; see `Result.save`)
+    checkpoint : name of a file, default None
+        file beside which a long run saves its finished steps, to resume from them (default: out)
+    overwrite : bool, default False
+        compute again and replace a finished result at out; otherwise a finished result of the same settings and inputs is returned, and one of other settings raises InputError
+    progress : bool, default False
+        whether to report progress on stderr
+
+    Returns
+    -------
+    what `load` gives for a jampetsc-relax file
+
+    Raises
+    ------
+    InputError
+        for values that cannot be used, naming them
+    ConvergenceError
+        where a solver does not converge
+    """
+
 def flow(
     start: Packing | Result | _Path | None = None,
     model: Model | Law | str | None = None,

@@ -20,6 +20,7 @@ JOBS = {
     "quasistatic": "quasistatic:Quasistatic",
     "modes": "modes:Modes",
     "oscillate": "oscillate:Oscillate",
+    "relax": "relax:Relax",
     "flow": "flow:Flow",
     "shear": "shear:Shear",
     "jam": "jam:Jam",

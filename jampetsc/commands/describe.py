@@ -198,7 +198,7 @@ def describe_result(path, loaded) -> str:
     ]
     if "k" in a and "stress_unit" in a:
         rows.append(("units", units_text(a["stress_unit"], a["k"], a.get("tau1"))))
-    if "G" in loaded:
+    if {"G", "omega"} <= set(loaded):
         rows += _moduli(loaded)
     elif "omega" in loaded and "susceptibility" in loaded:
         rows += _susceptibilities(loaded)

@@ -14,6 +14,7 @@ from jampetsc.io.result_formats import (
     FLOW,
     OSCILLATE,
     POTENTIAL_ROWS,
+    RELAX,
     SCALING,
     VELOCITY_CORRELATION,
 )
@@ -103,6 +104,7 @@ FORMATS = {
     "jampetsc-spectrum": SPECTRUM,
     "jampetsc-correlation": CORRELATION,
     "jampetsc-oscillate": OSCILLATE,
+    "jampetsc-relax": RELAX,
     "jampetsc-flow": FLOW,
     "jampetsc-shear": SHEAR,
     "jampetsc-jam": JAM,

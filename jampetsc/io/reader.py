@@ -284,6 +284,7 @@ RESULTS = {  # format -> class; a new format needs a line here
     "jampetsc-spectrum": SpectrumResult,
     "jampetsc-correlation": Result,
     "jampetsc-oscillate": Result,
+    "jampetsc-relax": Result,
     "jampetsc-flow": FlowResult,
     "jampetsc-shear": ShearedResult,
     "jampetsc-jam": Result,

@@ -1,4 +1,4 @@
-"""Formats of results: flows, oscillations, correlations, collapses, fits of flow curves."""
+"""Formats of results: flows, oscillations, step strains, correlations, collapses, fits of flow curves."""
 
 from jampetsc.io.declaration import Format
 from jampetsc.io.provenance import PROVENANCE
@@ -64,6 +64,33 @@ solver | text in cycle steps | | `cycle`: a whole cycle at once, for fixed conta
   contacts
 regularisation | float | | force below which a contact counts as linear, over the force at the rms velocity; 0 for
   linear damping
+""",
+    common=PROVENANCE,
+)
+
+RELAX = Format(
+    datasets=r"""
+time | (T,) | float | time | t, increasing
+strain | (S,) | float | | step strains γ, increasing
+G | (S, T) | float | k | G(t, γ) = (σ(t) − σ(0⁻))/γ, σ the elastic and viscous stress of the load per volume before the
+  step; from `relaxed_time` on its last value
+error | (S, T) | float | k | estimate of \|ΔG\|: the difference from a result with time steps twice as long
+energy | (S, T) | float | k | U(t) − U(0⁻) per volume before the step
+dissipated | (S, T) | float | k | energy dissipated since 0⁺ per volume: `initial_energy` = `energy` + `dissipated`
+contacts_opened, contacts_closed | (S, T) | int | | contacts of the packing at rest that do not touch at t, and contacts
+  that it did not have
+initial_G | (S,) | float | k | G(0⁺), without the Dirac part of the step
+initial_energy | (S,) | float | k | U(0⁺) − U(0⁻) per volume
+relaxed_time | (S,) | float | time | t from which forces balance; nan: not within the times
+negative_modes | (S,) | int | | of K with pre-stress at the end, 0 for a minimum; −1 where it is not at rest or not
+  rigid
+newton_steps, factorisations, steps_taken | (S,) | int | | work of both runs; of a step that was halved, its parts
+""",
+    attributes=r"""
+load, stress_measure | text | | the displacement gradient E: a name, or its numbers, and the stress measure: energy
+  along F = 1 + γE
+accuracy | float > 0 | | relative error of energy that time steps may have
+rest_stress | float | k | σ(0⁻), the stress of the load in the packing at rest
 """,
     common=PROVENANCE,
 )

@@ -194,7 +194,7 @@ class LoadChoice(str):
     def is_shear(self) -> bool:
         """Whether its modulus is a shear modulus; that of the tensor is, that of forces is not."""
         return self.is_tensor or (
-            self.probe is None and all(load.is_shear for load in self._by_dimension().values())
+            self.probe is None and all(load.is_shear for load in self.by_dimension().values())
         )
 
     def of(self, dimension: int) -> tuple[Load, ...]:
@@ -205,7 +205,7 @@ class LoadChoice(str):
         if self.is_tensor:
             return symmetric_loads(dimension)
         is_probe = self.probe is not None
-        load = None if is_probe else self._by_dimension().get(dimension)
+        load = None if is_probe else self.by_dimension().get(dimension)
         if load is None and not (is_probe and self.probe.dimension in (None, dimension)):
             raise InputError(
                 f"{named('load')} {self}: not a load in {dimension} dimensions. Give another one."
@@ -220,7 +220,8 @@ class LoadChoice(str):
         loads = self.of(dimension)
         return (simple_shear(dimension), loads) if self.is_tensor else (loads[0], ())
 
-    def _by_dimension(self) -> dict[int, Load]:
+    def by_dimension(self) -> dict[int, Load]:
+        """{D: the strain in D dimensions}, of each in which it is one; of a single load."""
         by_name = {dimension: named_loads(dimension).get(self) for dimension in DIMENSIONS}
         if any(by_name.values()):
             return {dimension: load for dimension, load in by_name.items() if load is not None}

@@ -19,6 +19,7 @@ from jampetsc.oscillation.drive import Drive
 from jampetsc.oscillation.harmonic_preconditioner import FACTOR_PREFIX
 from jampetsc.oscillation.oscillation_start import Start
 from jampetsc.oscillation.power_law import relative_softening
+from jampetsc.oscillation.rank_outcomes import outcome_of, solve_alone
 from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
 from jampetsc.oscillation.steady_oscillation import SteadyOscillation
 from jampetsc.packing.packing import Packing
@@ -141,19 +142,12 @@ class PointSolver:
 def _solve_batch(solver, points) -> list:
     """The record of each (drive, end of the amplitude before), or its ConvergenceError. Collective."""
 
-    def outcome(point):
-        try:
-            return solver.solve(*point)
-        except ConvergenceError as error:
-            return error
+    def solve(point):
+        return solver.solve(*point)
 
-    if not solver.on_one_rank:
-        return [outcome(point) for point in points]
-    own, comm = None, solver.comm
-    if comm.rank < len(points):
-        with current().alone():
-            own = outcome(points[comm.rank])
-    return comm.allgather(own)[: len(points)]
+    if solver.on_one_rank:
+        return solve_alone(solve, points, solver.comm)
+    return [outcome_of(solve, point) for point in points]
 
 
 def _solve_points(solver, points, frequencies, unit, records, save):
