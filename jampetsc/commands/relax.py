@@ -186,7 +186,8 @@ def _summary(job, to, times, arrays) -> str:
     of_load = "" if job.load == DEFAULT else f", load {job.load}"
     solved = np.isfinite(arrays["initial_G"])
     lost = arrays["initial_energy"][:, None] - arrays["energy"] - arrays["dissipated"]
-    balance = np.nanmax(np.abs(lost) / np.abs(arrays["initial_energy"])[:, None])
+    stored = 0.5 * np.abs(arrays["initial_G"]) * job.strain**2
+    balance = np.nanmax(np.abs(lost) / stored[:, None])
     lines = [
         f"{to}: {job.physics}{of_load}, {solved.sum()} step strains, t = {times[0]:.3g} to {times[-1]:.3g}, G(t) "
         f"estimated to {np.nanmax(error / np.abs(arrays['initial_G'])[:, None]):.1e} of G(0+), energy balanced to "

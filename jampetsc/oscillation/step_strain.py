@@ -31,7 +31,7 @@ from jampetsc.packing.packing import Packing
 
 RAMP_RATIO = 1e-2  # of the first time: the length of the ramp
 INTERVALS_PER_DECADE = 10  # of time, in each of which the error of a step has one limit
-FINER = 2.0  # how much shorter the steps of the second run are, about
+FINER = 2.0  # how much shorter the steps of the second run are, or more
 ENERGY_ORDER = 3  # of the error of the energy of a step, in its length
 MIN_DISSIPATED_RATIO = (
     1e-6  # of the energy of the step: least dissipation that limits of errors are relative to
@@ -85,10 +85,9 @@ def step_strain(
 
     Raises ConvergenceError if the shortest steps fail.
     """
-    runs = []
-    for finer in (1.0, FINER):
-        runs.append(_Relaxation(disks, law, load, strain, times, accuracy / finer**ENERGY_ORDER))
-        runs[-1].relax(finer)
+    runs = [_Relaxation(disks, law, load, strain, times, accuracy, finer) for finer in (1.0, FINER)]
+    for run in runs:
+        run.relax()
     count = max(len(run.rows) for run in runs)
     other, rows = (run.filled(count) for run in runs)
     fine = runs[-1]
@@ -114,17 +113,18 @@ def step_strain(
 class _Relaxation:
     """One run. `rows`: [(G, U − U(0⁻), dissipated since 0⁺, contacts opened, closed)] at the times so far."""
 
-    def __init__(self, disks, law, load, strain, times, tolerance):
+    def __init__(self, disks, law, load, strain, times, accuracy, finer):
         self._start = disks, law, load
-        self._strain, self._times, self._tolerance = strain, np.asarray(times, float), tolerance
+        self._strain, self._times, self._finer = strain, np.asarray(times, float), finer
+        self._tolerance = accuracy / finer**ENERGY_ORDER
         self._contacts = contact_keys(find_contacts(disks), disks.n)
         self._energy = self._dissipated = 0.0
         self.rows, self.accepted, self.relaxed_time = [], 0, float("nan")
 
-    def relax(self, finer):
+    def relax(self):
         """The ramp, and the relaxation until the disks are at rest or the times end."""
         try:
-            self._ramp(finer)
+            self._ramp()
             self._hold()
         except ConvergenceError as error:
             raise ConvergenceError(
@@ -135,14 +135,14 @@ class _Relaxation:
         """Rows (count, 5); what is missing repeats the last one, of disks at rest."""
         return np.array(self.rows + self.rows[-1:] * (count - len(self.rows)))
 
-    def _ramp(self, finer: float):
+    def _ramp(self):
         """Strain the cell within a time so short that elastic forces do next to nothing."""
         disks, law, load = self._start
         length = RAMP_RATIO * self._times[0]
         motion = self.motion = MovingContacts(disks, law, length, self._strain, load=load)
         self.rest_stress = self._elastic_stress()
         moved = self._strain * motion.diameter / (MAX_RAMP_MOVE * motion.reach)
-        count = round(finer * min(math.ceil(moved), MAX_RAMP_STEPS))
+        count = round(self._finer * min(math.ceil(moved), MAX_RAMP_STEPS))
         motion.set_length(length / count)
         rate = self._strain / length
         for n in range(count):
@@ -159,7 +159,7 @@ class _Relaxation:
         steps = AdaptiveSteps(motion, lambda t: Imposed(self._strain, 0.0))
         first_force, initial_energy = self._largest_force(), self._energy / motion.volume
         begin, spent = 0.5 * length, step_energy
-        for end in (length, *_intervals(self._times)):
+        for end in (length, *_ends(length, self._times, self._finer > 1.0)):
             before = self._dissipated
             allowed = self._tolerance * max(spent, MIN_DISSIPATED_RATIO * step_energy)
             last = self._follow(steps, begin, end - begin, allowed)
@@ -198,9 +198,12 @@ class _Relaxation:
         return float(np.abs(self.motion.forces(self.motion.state)[0]).max())
 
 
-def _intervals(times):
-    """The times and, between them, those that divide each decade into INTERVALS_PER_DECADE."""
+def _ends(begin, times, divided):
+    """Ends of intervals from `begin`: the times and those that divide decades, and for `divided` all middles."""
     decades = np.log10(times[-1] / times[0])
     even = times[0] * 10.0 ** (np.arange(1.0, INTERVALS_PER_DECADE * decades) / INTERVALS_PER_DECADE)
     between = even[np.abs(np.log(even[:, None] / times)).min(axis=1) > 0.5 / INTERVALS_PER_DECADE]
-    return np.sort(np.concatenate((times, between)))
+    ends = np.sort(np.concatenate((times, between)))
+    if not divided:
+        return ends
+    return np.sort(np.concatenate((ends, np.sqrt(ends * np.append(begin, ends[:-1])))))

@@ -88,7 +88,7 @@ def sweep_strains(
 def _modes(disks) -> int:
     """Negative modes of K of disks at rest; UNKNOWN_MODES if they are not rigid."""
     try:
-        return negative_modes(build_network(disks, current().comm))[0]
+        return negative_modes(build_network(disks, current().MPI.COMM_SELF))[0]
     except InputError:
         return UNKNOWN_MODES
 

@@ -68,7 +68,8 @@ def test_one_command_is_imported_unless_all_are_asked_for():
 
 PREFIXES = {  # of PETSc's options that a help names
     "pack": "newton", "jam": "newton", "shear": "newton", "sweep": "shift freq", "quasistatic": "shift",
-    "modes": "modes inertia", "oscillate": "osc_snes osc_ksp osc_factor shift", "info": "inertia",
+    "modes": "modes inertia", "oscillate": "osc_snes osc_ksp osc_factor shift", "relax": "osc_factor shift inertia",
+    "info": "inertia",
 }  # fmt: skip
 
 

@@ -31,6 +31,7 @@ COMMANDS = {  # words without --out -> the ending of what it writes
     "quasistatic p.h5": ".h5",
     "modes p.h5": ".h5",
     "oscillate p.h5 --omega 1 --strain 1e-6": ".h5",
+    "relax p.h5 --strain 1e-3": ".h5",
     "shear p.h5 --step 1e-3 --strain 2e-3": ".h5",
     "flow p.h5 --model RD0 --rate 1e-2 --strain 0.1": ".h5",
     "spectrum s.h5": ".h5",
@@ -123,6 +124,7 @@ OTHERS = {  # words that make a result, and the word of which there is another
     "quasistatic p.h5": ("--beta 0.5", "beta = "),
     "modes p.h5 --count 2": ("--no-prestress", "prestress = true, not false"),
     "oscillate p.h5 --omega 1 --strain 1e-6 --steps 16": ("--alpha 0.9", "alpha = 1.0, not 0.9"),
+    "relax p.h5 --strain 1e-6 --times 0.1 --accuracy 0.1": ("--load xx", "load = "),
     "jam --n 16 --phi 0.9 --seeds 1:2": ("--tolerance 1e-7", "tolerance = 1e-06, not 1e-07"),
 }
 
@@ -285,6 +287,7 @@ LAST = {  # words of a command that keeps what it has computed -> what it writes
     "sweep p.h5 --omega 1e-2,1 --fields 1 --out new.h5": "new.h5",
     "sweep p.h5 --omega 1e-2,1 --fields 1 --method direct --out new.h5": "new.h5",
     "oscillate p.h5 --omega 1 --strain 1e-6 --steps 16 --out new.h5": "new.h5",
+    "relax p.h5 --strain 1e-6 --times 0.1 --accuracy 0.1 --out new.h5": "new.h5",
     "study study.toml --out study": "study/table.csv",
 }
 

@@ -21,6 +21,7 @@ from jampetsc.commands.modes import Modes
 from jampetsc.commands.oscillate import Oscillate
 from jampetsc.commands.pack import Pack
 from jampetsc.commands.quasistatic import Quasistatic
+from jampetsc.commands.relax import Relax
 from jampetsc.commands.shear import Shear
 from jampetsc.commands.springs import Springs
 from jampetsc.commands.sweep import Sweep
@@ -79,6 +80,8 @@ SAME = [  # each: ways to ask for one job, on a command line or in python
     ["oscillate p.h5 --omega 1 --strain 1e-6 --contacts moving --out o.h5", "oscillate p.h5 --omega 1 --strain 1e-6 "
      "--contacts moving --cycles auto --alpha 1 --steps 64 --out o.h5",
      Oscillate("p.h5", omega=1, strain=[1e-6], contacts="moving")],
+    ["relax p.h5 --strain 1e-3,1e-2 --out r.h5", "relax p.h5 --strain 1e-3:1e-2:2 --accuracy 1e-3 --load xy --out r.h5",
+     Relax("p.h5", strain=[1e-2, 1e-3])],
     ["modes p.h5 --out m.h5", "modes p.h5 --count 50 --out m.h5", Modes("p.h5", count=50)],
     ["quasistatic p.h5 --betas 0.1,1 --out q.h5", Quasistatic("p.h5", betas=[1, 0.1])],
     ["springs --lattice triangular --out n.h5", "springs --lattice triangular --size 32 --keep 1 --seed 1 --out n.h5",
@@ -96,6 +99,9 @@ DIFFERENT = [  # each: jobs of which no two have the same result
         "--strain 1e-5 --alpha 0.5", "--strain 1e-5 --beta 0.5", "--strain 1e-5 --no-prestress",
         "--strain 1e-5 --load xx", *(f"--strain 1e-5 --contacts moving {cycles}" for cycles in (
             "", "--cycles 3", "--cycles 4")))],
+    [f"relax p.h5 --out r.h5 {words}" for words in (
+        "--strain 1e-3", "--strain 1e-2", "--strain 1e-3 --times 1,2", "--strain 1e-3 --accuracy 1e-2",
+        "--strain 1e-3 --law stokes", "--strain 1e-3 --tau1 2", "--strain 1e-3 --load xx")],
     [f"pack --out p.h5 {words}" for words in (
         "--n 16 --phi 0.9", "--n 17 --phi 0.9", "--n 16 --phi 0.91", "--n 16 --pressure 0.9",
         "--n 16 --phi 0.9 --seed 2",

@@ -39,6 +39,7 @@ RUNS = {
     "moving": lambda: jampetsc.oscillate(
         published(), omega=0.1, strain=1e-6, contacts="moving", cycles=3, steps=16
     ),
+    "relaxing": lambda: jampetsc.relax(published(), STOKES, strain=1e-6, times=[0.1], accuracy=0.1),
 }
 
 

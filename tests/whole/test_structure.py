@@ -141,7 +141,7 @@ def test_jobs_that_load_compiled_code():
     while more := {one for one, others in graph().items() if others & needing} - needing:
         needing |= more
     jobs = {module.split(".")[-1] for module in needing if module.startswith("jampetsc.commands.")}
-    assert jobs & JOBS.keys() == {"pack", "flow", "shear", "jam", "oscillate", "modes"}
+    assert jobs & JOBS.keys() == {"pack", "flow", "shear", "jam", "oscillate", "relax", "modes"}
 
 
 @pytest.mark.parametrize("room", COMPUTING)

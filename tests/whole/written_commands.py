@@ -14,6 +14,8 @@ SIZES = {  # option, or command and option -> its value here, or {its value: tha
     **{("oscillate", "--omega"): "1e-6", ("oscillate", "--strain"): "1e-6", ("oscillate", "--steps"): "32"},
     **{("moving", "--omega"): "1e-2", ("moving", "--strain"): "1e-4"},
     ("--events", "--strain"): {"0.01": "0.01", "-0.01": "-0.01"},  # small packings come apart later
+    # a relaxation takes a second or more
+    **{("relax", "--strain"): "1e-6", ("relax", "--times"): "0.1,1", ("relax", "--accuracy"): "1e-2"},
     ("oscillate", "--stress"): {"1e-6,1e-5": "1e-5", "1e-5,1e-4": "1e-4"},
 }
 
@@ -27,6 +29,8 @@ def small(words):
         made.append(_few_points(here.get(word, word) if isinstance(here, dict) else here))
     if words[0] == "pack" and "--stabilise" not in words:
         made += ["--stabilise", "shear"]  # at so small sizes the shear modulus would often be negative
+    if words[0] == "relax" and "--times" not in words:
+        made += ["--times", "0.1,1"]
     if words[0] == "oscillate":
         made += [] if "--steps" in words else ["--steps", "16"]
         made += ["--cycles", "3"] if "moving" in words else []
