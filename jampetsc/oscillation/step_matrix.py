@@ -54,11 +54,11 @@ class StepMatrix:
         blocks = blocks[:, :d, :d], blocks[:, d:, d:], blocks[:, :d, d:]
         least = MIN_SHIFT * max(self._stiffness, float(np.abs(viscous).max(initial=0.0)))
         self._mu = max(self._mu / SHIFT_GROWTH, least)
-        self._border, held = None, self._unheld(bonds) + drag
+        self._border, added = None, self._unheld(bonds) + drag
         while True:
             self.factorisations += 1
             values = self._pattern.sum(*blocks, every)
-            values[self._pattern.diagonal] += self._mu + held
+            values[self._pattern.diagonal] += self._mu + added
             if self._solver.factorise(self._pattern.indptr, self._pattern.indices, values):
                 if not free:
                     return

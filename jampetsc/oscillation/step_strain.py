@@ -10,7 +10,7 @@ where K u + B u̇ = −k γ − b γ̇. Afterwards γ̇ = 0, and
 σ the elastic and viscous stress of the load, σ(0⁻) that of the packing at rest. The Dirac part of G(t), which is the
 work of the ramp, is left out. A ramp of length ε makes G(t) its mean over ε about t, so wrong by ε² G̈/24.
 
-Steps are those of `adaptive_steps`, whose lengths follow the error of the energy balance, here relative to the energy
+Lengths of steps (`adaptive_steps`) follow the error of the energy balance, here relative to the energy
 that the interval before has dissipated. There are two runs, the second with some half of the steps' lengths; their
 difference estimates the error.
 """
