@@ -174,6 +174,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     "sharp-transition": sizes("RATE=0.05 POINTS=2"),
     "softening": sizes("PRESSURES=1e-2 STRAINS=0.01,1 STEPS=16 CYCLES=3"),
     "split-coordinates": sizes("N=64"),
+    "step-strain": sizes("PRESSURES=1e-2 STRAINS=0.01,1"),
     "vagberg-fig5.1": sizes("WIDE=0.7,0.95 WIDE_RUNS=0.1,0.05:0.6"),
 }
 

@@ -15,6 +15,7 @@ from test_oscillation_plots import large_oscillations
 from test_picture_limits import curve, run
 from test_probe_plots import slow, sounding
 from test_spectrum import write_sweep
+from test_step_strain_plots import relaxing
 from test_yielding_plots import started
 
 from jampetsc.analysis.relaxation import RelaxationSpectrum
@@ -30,6 +31,7 @@ from jampetsc.plots import (
     oscillation_plots,
     probe_plots,
     quasistatic_plots,
+    step_strain_plots,
     trade_plots,
 )
 from jampetsc.plots.draw import pictures, plain_text, table_rows
@@ -112,6 +114,8 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
     (plot_flow_curve, lambda folder: [facts(rate=rate) for rate in (0.1, 0.2)],
      [(RATE, r"$\sigma,\ p\ [k]$", "ll")]),
     (plot_start, lambda folder: [*started()[0]], [(r"$\gamma$", r"$\sigma\ [k]$", "--")]),
+    (step_strain_plots.plot_step_strain, lambda folder: [relaxing()],
+     [(r"$t/\tau_1$", r"$G(t,\gamma)/k$", "ll")]),
     (plot_relaxation, spectra,
      [(r"$\tau/\tau_1$", "$H/k$", "ll"), (r"$\tau/\tau_1$", r"$\sum_{\tau_m\leq\tau}\,g_m/k$", "l-"),
       (r"$t/\tau_1$", "$G(t)/k$", "ll"), (r"$t/\tau_1$", r"$J(t)\,k$", "ll")]),
