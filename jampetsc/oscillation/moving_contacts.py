@@ -57,6 +57,7 @@ class MovingContacts(ListedPacking):
     ):  # fmt: skip
         self.step, self.gamma, self.rate = step, gamma, 0.0
         self.load = load or simple_shear(disks.dimension)
+        self._unit_strain = strain_of(self.load.gradient)
         self._is_steady = not (self.load.gradient @ self.load.gradient).any()  # flow the same at every strain
         super().__init__(disks)
         potential = self._potential = disks.potential
@@ -93,7 +94,10 @@ class MovingContacts(ListedPacking):
 
     def _strain_at(self, gamma) -> Strain:
         """E of the cell since the list was made."""
-        return strain_between(*(strain_of(strain * self.load.gradient) for strain in (gamma, self.listed)))
+        now, listed = (
+            Strain(*(strain * part for part in self._unit_strain)) for strain in (gamma, self.listed)
+        )
+        return strain_between(now, listed)
 
     def _growth(self, gamma) -> float:
         """Volume over that before any strain."""

@@ -39,8 +39,9 @@ MIN_DISSIPATED_RATIO = (
 # Of the longest move of a disk in a step of Newton's method: affine move of a diameter in a step of the ramp. More, and
 # shorter, steps than MAX_RAMP_STEPS would follow contacts that open and close all the time while nothing but dashpots
 # decides: disks that slide out of a contact move freely back into it.
-MAX_RAMP_MOVE = 0.1
+MAX_RAMP_MOVE = 0.03
 MAX_RAMP_STEPS = 64
+MAX_RAMP_DOUBLINGS = 5  # of the number of steps, where one fails
 # At rest: of the energy of the step, P t, what is dissipated while t doubles; and of the first forces, those left.
 REST_POWER_RATIO, REST_FORCE_RATIO = 1e-12, 1e-3
 NOISE_FORCES = 10.0  # tolerances of a time step: forces that count as none
@@ -118,7 +119,7 @@ class _Relaxation:
         self._strain, self._times, self._finer = strain, np.asarray(times, float), finer
         self._tolerance = accuracy / finer**ENERGY_ORDER
         self._contacts = contact_keys(find_contacts(disks), disks.n)
-        self._energy = self._dissipated = 0.0
+        self._energy = self._dissipated = self._time = 0.0
         self.rows, self.accepted, self.relaxed_time = [], 0, float("nan")
 
     def relax(self):
@@ -128,7 +129,7 @@ class _Relaxation:
             self._hold()
         except ConvergenceError as error:
             raise ConvergenceError(
-                f"time steps fail: {error.message(named)} Give a smaller {named('strain')}."
+                f"time step at t = {self._time:.3g}: fails however short it is. Give a smaller {named('strain')}."
             ) from error
 
     def filled(self, count):
@@ -138,12 +139,21 @@ class _Relaxation:
     def _ramp(self):
         """Strain the cell within a time so short that elastic forces do next to nothing."""
         disks, law, load = self._start
-        length = RAMP_RATIO * self._times[0]
-        motion = self.motion = MovingContacts(disks, law, length, self._strain, load=load)
-        self.rest_stress = self._elastic_stress()
+        motion = MovingContacts(disks, law, RAMP_RATIO * self._times[0], self._strain, load=load)
         moved = self._strain * motion.diameter / (MAX_RAMP_MOVE * motion.reach)
         count = round(self._finer * min(math.ceil(moved), MAX_RAMP_STEPS))
-        motion.set_length(length / count)
+        for doublings in range(MAX_RAMP_DOUBLINGS + 1):
+            try:
+                return self._strain_within(motion.step, count << doublings)
+            except ConvergenceError:
+                if doublings == MAX_RAMP_DOUBLINGS:
+                    raise
+
+    def _strain_within(self, length, count):
+        """Strain the cell at rest in this number of steps within a time."""
+        disks, law, load = self._start
+        motion = self.motion = MovingContacts(disks, law, length / count, self._strain, load=load)
+        self.rest_stress, self._energy = self._elastic_stress(), 0.0
         rate = self._strain / length
         for n in range(count):
             motion.advance([Imposed(self._strain * (n + part) / count, rate) for part in TWO_STAGES[0]])
@@ -158,12 +168,12 @@ class _Relaxation:
         motion, length, step_energy = self.motion, RAMP_RATIO * self._times[0], self._step_energy
         steps = AdaptiveSteps(motion, lambda t: Imposed(self._strain, 0.0))
         first_force, initial_energy = self._largest_force(), self._energy / motion.volume
-        begin, spent = 0.5 * length, step_energy
+        self._time, spent = 0.5 * length, step_energy
         for end in (length, *_ends(length, self._times, self._finer > 1.0)):
             before = self._dissipated
             allowed = self._tolerance * max(spent, MIN_DISSIPATED_RATIO * step_energy)
-            last = self._follow(steps, begin, end - begin, allowed)
-            begin, spent = end, self._dissipated - before
+            last = self._follow(steps, end, allowed)
+            spent = self._dissipated - before
             if end == length:
                 self.initial = (last.stress - self.rest_stress) / self._strain, initial_energy
                 continue
@@ -176,11 +186,12 @@ class _Relaxation:
                 break
         self.accepted += steps.accepted
 
-    def _follow(self, steps, begin, length, allowed):
-        """The `StageEnd` of an interval of time, whose energies are counted."""
-        for stages in steps.over(begin, length, allowed):
+    def _follow(self, steps, end, allowed):
+        """The `StageEnd` after steps until this time, whose energies are counted."""
+        for stages in steps.over(self._time, end - self._time, allowed):
             self._energy += self.motion.gained
             self._dissipated += sum(weight * end.power for _, weight, end in stages)
+        self._time = end
         return stages[-1][2]
 
     def _measure(self, stress):

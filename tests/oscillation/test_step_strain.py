@@ -69,7 +69,7 @@ def test_small_strains_are_linear_response(sample, law, load, k, length, strain)
 def finite(law="stokes", strain=8e-3, accuracy=1e-2):
     """A relaxation with contacts that open and close."""
     laws = {"stokes": physics("stokes", eta_f=0.0, tau1=2.0), "contact": physics(rotations=False, beta=0.5)}
-    times = laws[law].law.tau1 * np.logspace(-1, 1, 5)
+    times = laws[law].law.tau1 * np.logspace(-1, 0.5, 4)
     return laws[law].law, times, relaxed(published(), laws[law].law, strain, times, accuracy=accuracy)
 
 
@@ -92,7 +92,7 @@ def test_what_the_step_stores_is_dissipated():
 
 def test_disks_come_to_rest_in_a_minimum():
     law = physics("stokes", eta_f=0.0).law
-    found = relaxed(published(), law, 8e-3, np.logspace(-1, 6, 15))
+    found = relaxed(published(), law, 8e-3, np.logspace(-1, 6, 15), accuracy=0.1)
     state = measure(found.final)
     assert found.relaxed_time < 1e6 and len(found.G) < 15
     assert state.max_force < 1e-6 * state.pressure
@@ -137,5 +137,25 @@ def test_a_step_that_fails_is_told(monkeypatch):
         raise ConvergenceError("forces of a time step not balanced.")
 
     monkeypatch.setattr(module.MovingContacts, "advance", fails)
-    with pytest.raises(ConvergenceError, match=r"time steps fail: forces.*Give a smaller strain"):
+    with pytest.raises(ConvergenceError, match=r"time step at t = 0: fails .* Give a smaller strain\."):
         relaxed(published(), physics().law, 1e-3, np.array([0.1, 1.0]))
+
+
+def test_steps_of_the_ramp_that_fail_are_divided(monkeypatch):
+    """Until all succeed, from the packing at rest."""
+    lengths, advance = [], MovingContacts.advance
+
+    def advance_if_short(self, imposed):
+        lengths.append(self.step)
+        if self.step > 3e-4:
+            raise ConvergenceError("too long.")
+        return advance(self, imposed)
+
+    law = physics("stokes", eta_f=0.0).law
+    usual = relaxed(published(), law, 1e-3, np.array([0.1]))
+    monkeypatch.setattr(module, "MAX_RAMP_STEPS", 1)
+    monkeypatch.setattr(module.MovingContacts, "advance", advance_if_short)
+    divided = module._Relaxation(published(), law, load_of("xy"), 1e-3, [0.1], 1e-2, 1.0)
+    divided._ramp()
+    assert max(lengths) == 1e-3 and min(lengths) == 2.5e-4
+    assert divided._energy / divided.motion.volume == pytest.approx(usual.initial_energy, rel=1e-3)
