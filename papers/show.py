@@ -35,6 +35,7 @@ SHOWN = {  # figure -> {picture in its folder: name in the gallery}
     "paper5": {"models-at-phi_J": "paper5"},
     "preparation": {"preparation": "preparation"},
     "sharp-transition": {"transition": "sharp-transition"},
+    "step-strain": {"step_strain": "step-strain"},
     "three-dimensions": {"collapse-no-prestress": "three-dimensions", "medians": "three-dimensions-medians"},
     "three-dimensions-flow": {
         "flow-curves": "three-dimensions-flow",

@@ -97,28 +97,32 @@ def print_points(found):
 
 
 def draw(found, path):
-    """(a) G(t) at the lowest pressure, median over packings; (b) when it departs from linear response, for every p."""
+    """(a) G(t) at the lowest pressure; (b) over linear response at every pressure: medians over packings."""
     with saved_page(path) as page:
         left, right = page.panels(1, 2, style.PAGE, 2.7)
-        p, packings = min(found.items())
-        count = min(len(packing.time) for packing in packings)
-        time, strains = packings[0].time[:count], packings[0].strain
-        medians = np.median([packing.G[:, :count] for packing in packings], axis=0)
-        for strain, G, colour in zip(strains, medians, style.colours(len(strains)), strict=True):
-            positive = np.where(G > 0.0, G, np.nan)
-            left.plot(time, positive, color=colour, label=rf"$\gamma = {strain / p:.3g}\,p/k$")
+        for (p, packings), dash in zip(
+            reversed(found.items()), ("-", style.DASHED, style.DOTTED), strict=False
+        ):
+            count = min(len(packing.time) for packing in packings)
+            time, strains = packings[0].time[:count], packings[0].strain
+            every = np.array([packing.G[:, :count] for packing in packings])
+            ratios = np.median(every / every[:, :1], axis=0)
+            for number, (strain, colour) in enumerate(zip(strains, style.colours(len(strains)), strict=True)):
+                look = {"color": colour, "linestyle": dash}
+                if number:
+                    right.plot(time * p, ratios[number], **look)
+                if dash == "-":
+                    G = np.median(every[:, number], axis=0)
+                    name = rf"$\gamma = {strain / p:.3g}\,p/k$"
+                    left.plot(time, np.where(G > 0.0, G, np.nan), **look, label=name)
+            right.plot([], [], color=style.GREY, linestyle=dash, label=f"$p = {p:g}$")
+            if dash == "-":
+                draw_guide(left, time, np.median(every[:, 0], axis=0), SLOPE, "t", True)
         left.set(xscale="log", yscale="log", xlabel=r"$t/\tau_1$", ylabel=r"$G(t,\gamma)/k$")
-        draw_guide(left, time, medians[0], SLOPE, "t", True)
         left.legend()
-        marks = zip(found.items(), style.colours(len(found)), style.MARKERS, strict=False)
-        for (pressure, members), colour, marker in marks:
-            strains = members[0].strain
-            times = np.array([np.median(departures(members, number)) for number in range(len(strains))])
-            seen = np.isfinite(times)
-            look = {"color": colour, "marker": marker, "ms": 4, "ls": "-", "label": f"$p = {pressure:g}$"}
-            right.plot(strains[seen] / pressure, times[seen] * pressure, **look)
-        right.set(xscale="log", yscale="log", xlabel=r"$\gamma k/p$", ylabel=r"departs at $t\,p/(k\tau_1)$")
-        right.legend()
+        right.axhline(1.0, color=style.GREY, lw=0.5, ls=":")
+        right.set(xscale="log", ylim=(0.0, None), xlabel=r"$t\,p/(k\tau_1)$", ylabel=r"$G(t,\gamma)/G(t)$")
+        right.legend(loc="lower left")
 
 
 def main():
