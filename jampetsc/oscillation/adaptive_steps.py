@@ -42,12 +42,17 @@ class AdaptiveSteps:
         self._halvings = 0  # of the current step length
         self.accepted = 0
 
-    def over(self, begin: float, length: float, allowed: float) -> Iterator[list[WeightedStage]]:
+    def over(
+        self, begin: float, length: float, allowed: float, patience: int | None = None
+    ) -> Iterator[list[WeightedStage]]:
         """Yield the stages of each step over an interval of time, with at most this error of energy.
+
+        patience   number of steps after which the limit doubles, again and again: disks that slide along the border of
+                   a contact jump by as much in every step, however short it is; None: it never does
 
         Raises ConvergenceError if the shortest steps fail.
         """
-        passed, total, short_steps = 0, 1 << MAX_HALVINGS, 0
+        passed, total, short_steps, count = 0, 1 << MAX_HALVINGS, 0, 0
         while passed < total:
             part, is_short = total >> self._halvings, self._halvings >= MIN_SHORT_HALVINGS
             scheme = ONE_STAGE if is_short and short_steps > MAX_SHORT_STEPS else TWO_STAGES
@@ -58,6 +63,9 @@ class AdaptiveSteps:
                 self._halvings += 1
                 continue
             yield stages
+            count += 1
+            if patience and count % patience == 0:
+                allowed *= 2.0
             passed, self.accepted, short_steps = passed + part, self.accepted + 1, short_steps + is_short
             if self._halvings and error < STEP_GROWTH_RATIO * allowed and passed % (2 * part) == 0:
                 self._halvings -= 1

@@ -44,6 +44,7 @@ MAX_RAMP_STEPS = 64
 MAX_RAMP_DOUBLINGS = 5  # of the number of steps, where one fails
 # At rest: of the energy of the step, P t, what is dissipated while t doubles; and of the first forces, those left.
 REST_POWER_RATIO, REST_FORCE_RATIO = 1e-12, 1e-3
+PATIENCE, MAX_INTERVAL_STEPS = 64, 4096  # steps of an interval until errors may be larger, and until it fails
 NOISE_FORCES = 10.0  # tolerances of a time step: forces that count as none
 
 
@@ -129,7 +130,7 @@ class _Relaxation:
             self._hold()
         except ConvergenceError as error:
             raise ConvergenceError(
-                f"time step at t = {self._time:.3g}: fails however short it is. Give a smaller {named('strain')}."
+                f"time steps after t = {self._time:.3g}: too many, or too short. Give a smaller {named('strain')}."
             ) from error
 
     def filled(self, count):
@@ -187,10 +188,16 @@ class _Relaxation:
         self.accepted += steps.accepted
 
     def _follow(self, steps, end, allowed):
-        """The `StageEnd` after steps until this time, whose energies are counted."""
-        for stages in steps.over(self._time, end - self._time, allowed):
+        """The `StageEnd` after steps until this time, whose energies are counted.
+
+        Raises ConvergenceError for too many steps.
+        """
+        first = steps.accepted
+        for stages in steps.over(self._time, end - self._time, allowed, PATIENCE):
             self._energy += self.motion.gained
-            self._dissipated += sum(weight * end.power for _, weight, end in stages)
+            self._dissipated += sum(weight * stage.power for _, weight, stage in stages)
+            if steps.accepted - first > MAX_INTERVAL_STEPS:
+                raise ConvergenceError(f"more than {MAX_INTERVAL_STEPS} time steps in a tenth of a decade.")
         self._time = end
         return stages[-1][2]
 

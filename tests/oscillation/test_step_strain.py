@@ -11,6 +11,8 @@ from spheres import few_spheres
 from jampetsc.errors import ConvergenceError
 from jampetsc.laws.loads import LoadChoice
 from jampetsc.oscillation import step_strain as module
+from jampetsc.oscillation.adaptive_steps import AdaptiveSteps
+from jampetsc.oscillation.drive import Imposed
 from jampetsc.oscillation.moving_contacts import MovingContacts
 from jampetsc.oscillation.step_strain import step_strain
 from jampetsc.packing.contacts import find_contacts, measure
@@ -137,7 +139,7 @@ def test_a_step_that_fails_is_told(monkeypatch):
         raise ConvergenceError("forces of a time step not balanced.")
 
     monkeypatch.setattr(module.MovingContacts, "advance", fails)
-    with pytest.raises(ConvergenceError, match=r"time step at t = 0: fails .* Give a smaller strain\."):
+    with pytest.raises(ConvergenceError, match=r"time steps after t = 0: .* Give a smaller strain\."):
         relaxed(published(), physics().law, 1e-3, np.array([0.1, 1.0]))
 
 
@@ -159,3 +161,19 @@ def test_steps_of_the_ramp_that_fail_are_divided(monkeypatch):
     divided._ramp()
     assert max(lengths) == 1e-3 and min(lengths) == 2.5e-4
     assert divided._energy / divided.motion.volume == pytest.approx(usual.initial_energy, rel=1e-3)
+
+
+def test_a_limit_that_no_step_keeps_is_raised():
+    """After `patience` steps, so that an interval ends."""
+    motion = MovingContacts(published(), physics("stokes", eta_f=0.0).law, 1.0, 1e-4)
+    for strain in (0.3e-4, 1e-4):
+        motion.advance([Imposed(strain, 1e-4)])
+    steps = AdaptiveSteps(motion, lambda t: Imposed(1e-4, 0.0))
+    taken = sum(1 for _ in steps.over(0.0, 4.0, 1e-18, patience=2))
+    assert 8 < taken < 60
+
+
+def test_an_interval_of_too_many_steps_fails(monkeypatch):
+    monkeypatch.setattr(module, "MAX_INTERVAL_STEPS", -1)
+    with pytest.raises(ConvergenceError, match=r"time steps after t = 5e-05: too many"):
+        relaxed(published(), physics("stokes").law, 1e-6, np.array([0.01, 0.1]))
