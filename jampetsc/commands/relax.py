@@ -171,13 +171,22 @@ def _notes(strains, times, arrays) -> list[str]:
     moving = strains[solved & np.isnan(arrays["relaxed_time"])]
     if len(moving):
         notes.append(
-            f"not at rest: at t = {times[-1]:.3g} forces are not balanced for strains {moving[0]:.3g} to "
-            f"{moving[-1]:.3g}. Give later times"
+            f"not at rest: at t = {times[-1]:.3g} forces are not balanced for {_range(moving)}. Give later times"
         )
     saddles = strains[solved & (arrays["negative_modes"] > 0)]
     if len(saddles):
-        notes.append(f"saddles: negative modes at the end for strains {saddles[0]:.3g} to {saddles[-1]:.3g}")
+        notes.append(f"saddles: negative modes at the end for {_range(saddles)}. Lower the accuracy")
     return notes
+
+
+def _range(strains) -> str:
+    """Strains (S,), increasing, in words."""
+    first, last = strains[[0, -1]]
+    return (
+        f"strain {first:.3g}"
+        if len(strains) == 1
+        else f"{len(strains)} strains from {first:.3g} to {last:.3g}"
+    )
 
 
 def _summary(job, to, times, arrays) -> str:
@@ -189,7 +198,7 @@ def _summary(job, to, times, arrays) -> str:
     stored = 0.5 * np.abs(arrays["initial_G"]) * job.strain**2
     balance = np.nanmax(np.abs(lost) / stored[:, None])
     lines = [
-        f"{to}: {job.physics}{of_load}, {solved.sum()} step strains, t = {times[0]:.3g} to {times[-1]:.3g}, G(t) "
+        f"{to}: {job.physics}{of_load}, {solved.sum()} step strain{'s' * (solved.sum() > 1)}, t = {times[0]:.3g} to {times[-1]:.3g}, G(t) "
         f"estimated to {np.nanmax(error / np.abs(arrays['initial_G'])[:, None]):.1e} of G(0+), energy balanced to "
         f"{balance:.0e}"
     ]

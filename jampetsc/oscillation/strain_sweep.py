@@ -65,7 +65,7 @@ def sweep_strains(
     missing = [number for number in range(len(strains)) if number not in records]
     with Progress(len(strains), "relax", comm.rank, done=len(records)) as progress:
         if records:
-            progress.note(f"resuming: {len(records)} strains are finished")
+            progress.note(f"resuming: {len(records)} of {len(strains)} strains are finished")
         while missing:
             batch, missing = missing[: comm.size], missing[comm.size :]
             with session.stage("relaxation"):
