@@ -194,12 +194,13 @@ def _summary(job, to, times, arrays) -> str:
     G, error = arrays["G"], arrays["error"]
     of_load = "" if job.load == DEFAULT else f", load {job.load}"
     solved = np.isfinite(arrays["initial_G"])
+    count = int(solved.sum())
     lost = arrays["initial_energy"][:, None] - arrays["energy"] - arrays["dissipated"]
     stored = 0.5 * np.abs(arrays["initial_G"]) * job.strain**2
     balance = np.nanmax(np.abs(lost) / stored[:, None])
     lines = [
-        f"{to}: {job.physics}{of_load}, {solved.sum()} step strain{'s' * (solved.sum() > 1)}, t = {times[0]:.3g} to {times[-1]:.3g}, G(t) "
-        f"estimated to {np.nanmax(error / np.abs(arrays['initial_G'])[:, None]):.1e} of G(0+), energy balanced to "
+        f"{to}: {job.physics}{of_load}, {count} step strain{'s' * (count > 1)}, t = {times[0]:.3g} to {times[-1]:.3g}, "
+        f"G(t) estimated to {np.nanmax(error / np.abs(arrays['initial_G'])[:, None]):.1e} of G(0+), energy balanced to "
         f"{balance:.0e}"
     ]
     for s in np.flatnonzero(solved)[[0, -1]] if solved.sum() > 1 else np.flatnonzero(solved):
