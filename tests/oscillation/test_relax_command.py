@@ -9,8 +9,10 @@ import pytest
 from samples import published
 
 import jampetsc
+from jampetsc.errors import ConvergenceError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
+from jampetsc.oscillation import strain_sweep
 
 
 def relax(*words, ranks=0):
@@ -50,3 +52,26 @@ def test_the_default_ends_at_rest(session):
     first = int(np.argmin(relaxed))
     assert np.all(found["G"][first, time > relaxed[first]] == found["G"][first, -1])
     assert found.attributes["notes"] == "" if "notes" in found.attributes else True
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_a_strain_that_fails_leaves_the_others(session, shared_path, monkeypatch):
+    original = strain_sweep.step_strain
+
+    def fails_above(disks, law, load, strain, times, accuracy):
+        if strain > 1e-4:
+            raise ConvergenceError("time steps after t = 1: too many, or too short.")
+        return original(disks, law, load, strain, times, accuracy)
+
+    monkeypatch.setattr(strain_sweep, "step_strain", fails_above)
+    words = {"strain": [1e-6, 1e-3], "times": [0.1], "accuracy": 0.1, "out": shared_path / "r.h5"}
+    with pytest.raises(
+        ConvergenceError, match=r"1 of 2 strains failed, .*strain 0\.001: time steps after t = 1"
+    ):
+        jampetsc.relax(published(), jampetsc.StokesDrag(), **words)
+    session.comm.Barrier()
+    found = load(shared_path / "r.h5")
+    assert np.isfinite(found["G"][0]).all() and np.isnan(found["G"][1]).all()
+    assert "for strain 1e-06" in found.attributes["notes"]
+    np.testing.assert_array_equal(found["newton_steps"] > 0, [True, False])
