@@ -24,7 +24,8 @@ from jampetsc.packing.neighbours import lengths
 MAX_TIME_STEPS = 20_000
 ERROR_RATIO = 0.1  # of the overlap of a typical contact: largest error of the place of a disk in one step
 SAFETY, MIN_RATIO, MAX_RATIO = 0.8, 0.2, 4.0  # of a step to its predecessor
-ENERGY_ROUNDING = 1e-12  # relative: rises that are rounding
+# Rises of the energy that are rounding: relative; and of Σ f r, as overlaps are differences of distances and radii.
+ENERGY_ROUNDING, DISTANCE_ROUNDING = 1e-12, 1e-15
 MIN_STEP = 1e-12  # in units of 1 / stiffness
 FIRST_STEP = 0.1  # in units of 1 / stiffness
 ORDER_GAP = 0.1  # mean diameters: the order of elimination is found as if pairs with a smaller gap touched
@@ -63,7 +64,9 @@ class OverdampedDescent(ListedPacking):
         potential, like = self.reference.potential.constants, self.pairs.r0
         sums = self._forces(self.offsets, forces)
         while self.steps < MAX_TIME_STEPS:
-            pressure = (sums.elastic_xx + sums.elastic_yy + sums.elastic_zz) / (axes * self.reference.volume)
+            virial = sums.elastic_xx + sums.elastic_yy + sums.elastic_zz
+            pressure = virial / (axes * self.reference.volume)
+            rounding = ENERGY_ROUNDING * sums.energy + DISTANCE_ROUNDING * virial
             if pressure < separated_pressure:
                 return self.disks
             largest = float(np.sqrt(np.max(np.sum(forces * forces, axis=1))))
@@ -82,7 +85,7 @@ class OverdampedDescent(ListedPacking):
                     solve(factor, later, b, work)
                     error = 0.5 * float(np.max(np.abs(b - a)))
                     ratio = SAFETY * math.sqrt(self.longest / max(error, 1e-300))
-                    falls = new.energy <= sums.energy * (1.0 + ENERGY_ROUNDING)
+                    falls = new.energy <= sums.energy + rounding
                     if error <= self.longest and falls:
                         break
                 self.step *= max(min(ratio, 0.5), MIN_RATIO)
