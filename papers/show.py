@@ -25,6 +25,7 @@ SHOWN = {  # figure -> {picture in its folder: name in the gallery}
     "contact-lifetimes": {"lifetimes": "contact-lifetimes"},
     "crystals": {"crystals": "crystals"},
     "finite-size-flow": {"finite-size-flow": "finite-size-flow"},
+    "first-changes": {"first-changes": "first-changes"},
     "inertia": {"soft": "inertia"},
     "inertia-start": {"inertia-start": "inertia-start"},
     "overdamped-limit": {"overdamped": "overdamped-limit"},
