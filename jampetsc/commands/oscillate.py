@@ -214,13 +214,14 @@ A killed run continues when the same command is given again."""
             save=checkpoint.save,
             load=load,
         )
+        notes = _notes(self, sweep.arrays)
         with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
             writer.dataset("omega", self.omega)
             writer.dataset("amplitude", self.amplitude)
             for name, values in sweep.arrays.items():
                 writer.dataset(name, values)
             writer.attributes(
-                **source.record(self.parameters),
+                **source.record(self.parameters, notes),
                 load=self.load,
                 stress_measure=STRESS_MEASURE,
                 control=self.control,
@@ -232,8 +233,28 @@ A killed run continues when the same command is given again."""
         to.raise_failures(sweep.failures, sweep.arrays["G"].size, "points")
         checkpoint.remove()
         return "\n".join(
-            [_summary(self, to, sweep.arrays), source.units_line(self.law.tau1), *note_lines(source.notes)]
+            [
+                _summary(self, to, sweep.arrays),
+                source.units_line(self.law.tau1),
+                *note_lines([*source.notes, *notes]),
+            ]
         )
+
+
+def _notes(job, arrays) -> list[str]:
+    """A note on points of moving contacts whose errors are large."""
+    from jampetsc.oscillation.repeated_cycles import MEAN_TOLERANCE, is_accurate
+
+    if "G_error" not in arrays:
+        return []
+    uncertain = np.isfinite(arrays["G"]) & ~is_accurate(arrays["G"], arrays["G_error"])
+    amplitudes = ", ".join(f"{amplitude:.3g}" for amplitude in job.amplitude[uncertain.any(axis=1)])
+    if not amplitudes:
+        return []
+    return [
+        f"uncertain: errors of G' or G'' exceed {100 * MEAN_TOLERANCE:g} % at {job.control} {amplitudes}. Give more "
+        f"{named('steps')} or {named('cycles')}"
+    ]
 
 
 def _summary(job, to, arrays) -> str:

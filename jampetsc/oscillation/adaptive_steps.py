@@ -25,6 +25,9 @@ MAX_HALVINGS = 30  # of a step; no motion of a contact is so sudden
 MIN_SHORT_HALVINGS, MAX_SHORT_STEPS = 10, 32
 # of the allowed error: after a step with less the next is twice as long, with 8 times the error
 STEP_GROWTH_RATIO = 0.1
+# Accepted steps before the next one is twice as long: twice as many after each that was too long, at most
+MAX_WAIT = 32
+MAX_ATTEMPTS = 4096  # steps of an interval, accepted or not
 
 WeightedStage = tuple[float, float, StageEnd]  # time, weight in an integral over time, end of the stage
 
@@ -40,6 +43,7 @@ class AdaptiveSteps:
     def __init__(self, motion: MovingContacts, imposed: Callable[[float], Imposed]):
         self.motion, self.imposed = motion, imposed
         self._halvings = 0  # of the current step length
+        self._has_grown, self._since, self._wait = False, 0, 1  # the last step, and steps accepted since
         self.accepted = 0
 
     def over(
@@ -50,25 +54,44 @@ class AdaptiveSteps:
         patience   number of steps after which the limit doubles, again and again: disks that slide along the border of
                    a contact jump by as much in every step, however short it is; None: it never does
 
-        Raises ConvergenceError if the shortest steps fail.
+        Raises ConvergenceError if the shortest steps fail, and after MAX_ATTEMPTS.
         """
         passed, total, short_steps, count = 0, 1 << MAX_HALVINGS, 0, 0
-        while passed < total:
+        for _ in range(MAX_ATTEMPTS):
             part, is_short = total >> self._halvings, self._halvings >= MIN_SHORT_HALVINGS
             scheme = ONE_STAGE if is_short and short_steps > MAX_SHORT_STEPS else TWO_STAGES
             stages, error = self._step(
                 begin + length * (passed / total), length * (part / total), allowed, scheme
             )
             if error > allowed:
-                self._halvings += 1
+                self._shorten()
                 continue
             yield stages
             count += 1
             if patience and count % patience == 0:
                 allowed *= 2.0
             passed, self.accepted, short_steps = passed + part, self.accepted + 1, short_steps + is_short
-            if self._halvings and error < STEP_GROWTH_RATIO * allowed and passed % (2 * part) == 0:
-                self._halvings -= 1
+            self._lengthen(error < STEP_GROWTH_RATIO * allowed and passed % (2 * part) == 0)
+            if passed == total:
+                return
+        raise ConvergenceError(
+            f"more than {MAX_ATTEMPTS} parts of a time step, as where the packing is not rigid. Give a denser packing."
+        )
+
+    def _shorten(self):
+        """Halve the next step."""
+        if self._has_grown:
+            self._wait = min(2 * self._wait, MAX_WAIT)
+        self._halvings, self._has_grown, self._since = self._halvings + 1, False, 0
+
+    def _lengthen(self, may_grow):
+        """Double the next step if it may, and enough were accepted."""
+        if self._has_grown:
+            self._wait = max(1, self._wait // 2)
+        self._since += 1
+        self._has_grown = bool(self._halvings and may_grow and self._since >= self._wait)
+        if self._has_grown:
+            self._halvings, self._since = self._halvings - 1, 0
 
     def _step(self, begin, length, allowed, scheme) -> tuple[list[WeightedStage], float]:
         """The stages of a step and its error of energy.

@@ -94,6 +94,15 @@ def repeat_cycles(
     return result, fine.final, fine.motion.disks
 
 
+def is_accurate(G, errors):
+    """Whether the errors of G′ and G″, parts of complex `errors`, are within MEAN_TOLERANCE; of arrays, each."""
+    G, errors = np.asarray(G), np.asarray(errors)
+    least = SMALL_PART_TOLERANCE * abs(G)
+    return (errors.real <= np.maximum(MEAN_TOLERANCE * abs(G.real), least)) & (
+        errors.imag <= np.maximum(MEAN_TOLERANCE * abs(G.imag), least)
+    )
+
+
 @dataclass(frozen=True)
 class CycleResult:
     """One cycle."""
@@ -163,12 +172,7 @@ class Cycles:
         mean = self.mean
         if mean is None or not accurate:
             return mean is not None
-        G, errors = mean.value, mean.errors
-        limit = SMALL_PART_TOLERANCE * abs(G)
-        return all(
-            error <= max(MEAN_TOLERANCE * abs(part), limit)
-            for part, error in ((G.real, errors.real), (G.imag, errors.imag))
-        )
+        return bool(is_accurate(mean.value, mean.errors))
 
     @property
     def averaged(self) -> list[CycleResult]:

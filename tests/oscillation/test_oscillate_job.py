@@ -267,3 +267,18 @@ def test_what_a_file_has_of_a_response():
     common |= {"linear_iterations": 0, "drift": 0.0}
     steady = SteadyResult(**common, harmonics=np.array([4.0, 5.0j]), speed=9.0, velocity=None)
     assert steady.record() == common | {"harmonics": [4.0, 5.0j]}
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_large_errors_of_moving_contacts_are_noted(session):
+    """Of those amplitudes alone whose G' or G'' is known worse than to 5 %."""
+    law = jampetsc.ContactDamping(rotations=False)
+    settings = {"omega": 0.1, "contacts": "moving", "steps": 16, "cycles": 3, "law": law}
+    result = jampetsc.oscillate(published(), strain=[1e-6, 1e-2], **settings)
+    G, errors = result["G"].ravel(), result["G_error"].ravel()
+    shares = np.maximum(abs(errors.real / G.real), abs(errors.imag / G.imag))
+    assert shares[0] < 0.05 < shares[1]
+    note = "uncertain: errors of G' or G'' exceed 5 % at strain 0.01. Give more steps or cycles"
+    assert result.attributes["notes"] == note
+    assert "notes" not in jampetsc.oscillate(published(), strain=1e-6, **settings).attributes
