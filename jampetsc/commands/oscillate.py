@@ -253,7 +253,7 @@ def _notes(job, arrays) -> list[str]:
         return []
     return [
         f"uncertain: errors of G' or G'' exceed {100 * MEAN_TOLERANCE:g} % at {job.control} {amplitudes}. Give more "
-        f"{named('steps')} or {named('cycles')}"
+        "steps or cycles"
     ]
 
 
