@@ -35,7 +35,7 @@ class Relax(PackingJob):
   jampetsc relax p1e-3.h5 --strain 1e-6,1e-3,1e-2 --out relax.h5
   jampetsc relax p1e-3.h5 --strain 1e-4 --law stokes --times 1e-2:1e4:31 --out drag.h5
   jampetsc relax p1e-3.h5 --strain 1e-3 --load compression --beta 0 --out compressed.h5
-  mpirun -n 2 jampetsc relax p1e-3.h5 --strain 1e-5:1e-2:4 --accuracy 1e-4 --out fine.h5
+  mpirun -n 2 jampetsc relax p1e-3.h5 --strain 1e-5:1e-2:4 --accuracy 1e-4 --out accurate.h5
 
 PETSc options: -osc_factor_… for the factorisations of time steps, -shift_… for the proof that the packing and the
 states at the end are minima, -inertia_… for the count of their negative modes.
