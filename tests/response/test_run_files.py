@@ -16,7 +16,7 @@ from jampetsc.io.request import Request
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.packing import contacts
 from jampetsc.packing.potentials import Potential
-from jampetsc.response import contact_network, modulus_sweep, slow_response, vibrations
+from jampetsc.response import contact_network, direct_sweep, modulus_sweep, slow_response, vibrations
 from jampetsc.response.certificate import Functional
 from jampetsc.response.minimum_check import BY_CHOLESKY
 from jampetsc.response.slow_response import solve_quasistatic
@@ -174,8 +174,10 @@ def test_sweeps_under_power_law_damping(session, path, method, monkeypatch):
     job = sweep_of(path, law, omega, [field], method, alpha=0.5, stress=1e-5)
     certain, real = [], Functional.field_bound
     monkeypatch.setattr(Functional, "field_bound", lambda *words: certain.append(real(*words)) or certain[-1])
-    name = "sweep_rationally" if method == "rational" else "sweep_directly"
-    sweeps = recorded(monkeypatch, modulus_sweep, name)
+    module, name = {
+        "rational": (modulus_sweep, "sweep_rationally"), "direct": (direct_sweep, "sweep_directly"),
+    }[method]  # fmt: skip
+    sweeps = recorded(monkeypatch, module, name)
     job.work(Outlet(out, out, Request(job)))
     session.comm.barrier()
     solved, G, bounds = sweeps[0].omega, sweeps[0].G, sweeps[0].bounds
