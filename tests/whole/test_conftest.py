@@ -121,4 +121,5 @@ def test_a_stage_without_a_test_among_those_asked_for_is_quiet_under_mpirun(tmp_
     done = subprocess.run(["bash", "-c", "\n".join(lines)], **settings)
     expected = 0 if chosen and status == 5 else status
     assert (done.returncode, done.stdout.count("no tests ran")) == (expected, 1), done.stdout + done.stderr
-    assert bool(done.stderr) == (expected != 0 and ranks > 1)
+    if expected == 0 or ranks == 1:  # mpirun may say which of several ranks failed first
+        assert not done.stderr
