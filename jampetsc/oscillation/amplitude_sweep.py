@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load
 from jampetsc.oscillation.dashpots import LINEAR_BELOW
@@ -19,7 +19,7 @@ from jampetsc.oscillation.drive import Drive
 from jampetsc.oscillation.harmonic_preconditioner import FACTOR_PREFIX
 from jampetsc.oscillation.oscillation_start import Start
 from jampetsc.oscillation.power_law import relative_softening
-from jampetsc.oscillation.rank_outcomes import outcome_of, solve_alone
+from jampetsc.oscillation.rank_outcomes import Outcomes, outcome_of, solve_alone
 from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
 from jampetsc.oscillation.steady_oscillation import SteadyOscillation
 from jampetsc.packing.packing import Packing
@@ -156,10 +156,11 @@ def _solve_points(solver, points, frequencies, unit, records, save):
     frequencies   their number: points of one amplitude follow each other
     unit          of the amplitudes of the points
     """
-    session, comm, failures = current(), solver.comm, {}
+    session, comm = current(), solver.comm
     missing = [number for number in range(len(points)) if number not in records]
     batch_size = comm.size if solver.on_one_rank else 1
     with Progress(len(points), "oscillate", comm.rank, done=len(records)) as progress:
+        done = Outcomes(records, save, progress)
         if records:
             progress.note(f"resuming: {len(records)} points are finished")
         while missing:
@@ -167,7 +168,10 @@ def _solve_points(solver, points, frequencies, unit, records, save):
             batch = [number for number in missing[:batch_size] if number // frequencies == row]
             missing = missing[len(batch) :]
             starts = [
-                (points[number], _end_before(records, number, frequencies) if solver.on_one_rank else None)
+                (
+                    points[number],
+                    _end_before(done.records, number, frequencies) if solver.on_one_rank else None,
+                )
                 for number in batch
             ]
             with session.stage("oscillation"):
@@ -175,15 +179,8 @@ def _solve_points(solver, points, frequencies, unit, records, save):
             for number, outcome in zip(batch, outcomes, strict=True):
                 drive = points[number]
                 point = f"omega {drive.omega:.3e}  {drive.control} {unit * drive.amplitude:.1e}"
-                if isinstance(outcome, ConvergenceError):
-                    failures[number] = ConvergenceError(f"{point}: {outcome.message(named)}")
-                    progress.step(f"failed: {point}: {outcome}")
-                    continue
-                records[number] = outcome
-                if save is not None:
-                    save(number, outcome)
-                progress.step(f"{point}  {_summarise(outcome)}")
-    return records, failures
+                done.add(number, outcome, point, _summarise)
+    return done.records, done.failures
 
 
 def _end_before(records, number, frequencies) -> dict | None:

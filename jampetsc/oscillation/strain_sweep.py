@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.errors import InputError
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load
 from jampetsc.oscillation.harmonic_preconditioner import FACTOR_PREFIX
-from jampetsc.oscillation.rank_outcomes import solve_alone
+from jampetsc.oscillation.rank_outcomes import Outcomes, solve_alone
 from jampetsc.oscillation.step_strain import step_strain
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc.session import current
@@ -61,28 +61,21 @@ def sweep_strains(
         at_rest = np.isfinite(result.relaxed_time)
         return {**result.record(), "negative_modes": _modes(result.final) if at_rest else UNKNOWN_MODES}
 
-    records, failures = dict(resume or {}), {}
-    missing = [number for number in range(len(strains)) if number not in records]
-    with Progress(len(strains), "relax", comm.rank, done=len(records)) as progress:
-        if records:
-            progress.note(f"resuming: {len(records)} of {len(strains)} strains are finished")
+    missing = [number for number in range(len(strains)) if number not in (resume or {})]
+    finished = len(strains) - len(missing)
+    with Progress(len(strains), "relax", comm.rank, done=finished) as progress:
+        done = Outcomes(resume, save, progress)
+        if finished:
+            progress.note(f"resuming: {finished} of {len(strains)} strains are finished")
         while missing:
             batch, missing = missing[: comm.size], missing[comm.size :]
             with session.stage("relaxation"):
                 outcomes = solve_alone(solve, [float(strains[number]) for number in batch], comm)
             for number, outcome in zip(batch, outcomes, strict=True):
-                point = f"strain {strains[number]:.3g}"
-                if isinstance(outcome, ConvergenceError):
-                    failures[number] = ConvergenceError(f"{point}: {outcome.message(named)}")
-                    progress.step(f"failed: {point}: {outcome}")
-                    continue
-                records[number] = outcome
-                if save is not None:
-                    save(number, outcome)
-                progress.step(f"{point}  {_summary(outcome)}")
-    if not records:
-        raise next(iter(failures.values()))
-    return StrainSweep(_stacked(records, len(strains), len(times)), failures)
+                done.add(number, outcome, f"strain {strains[number]:.3g}", _summary)
+    if not done.records:
+        raise next(iter(done.failures.values()))
+    return StrainSweep(_stacked(done.records, len(strains), len(times)), done.failures)
 
 
 def _modes(disks) -> int:
