@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.analysis.scaling_collapse import form_named, words_of
-from jampetsc.commands.sources import WHERE, files_named, write_derived
+from jampetsc.commands.sources import WHERE, FitJob, write_derived
 from jampetsc.errors import InputError, as_float, named
 from jampetsc.io.provenance import recorded_dimension
 from jampetsc.io.results import note_lines
-from jampetsc.options.job import Job, files_of
 from jampetsc.options.parameters import FILES, ValueType, optional_parameter, parameter
-from jampetsc.options.values import RESULT, load_source, refuse_repeated, split_list
+from jampetsc.options.values import RESULT, load_source, split_list
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
 CURVE_POINTS = 200  # points along x at which f₀ and f₁ are stored
@@ -43,7 +42,7 @@ def _range(limits):
 
 
 @dataclass(frozen=True, eq=False)
-class Collapse(Job):
+class Collapse(FitJob):
     """Critical exponents from rates or sizes.
 
     Fit the scaling of an observable O near jamming (Vågberg, thesis ch. 5). Of flows at several rates and phi of one N:
@@ -101,28 +100,19 @@ examples:
         """The `analysis.scaling_collapse.Form` to fit. Raises InputError."""
         return form_named(self.fit, self.finite_size, self.corrections, self.degree, self.spline)
 
-    def _sources(self) -> list:
-        """The inputs: files, of a study the files of its rows, and results in memory."""
+    @property
+    def formats(self):
+        """See `FitJob`."""
         from jampetsc.commands.collapse_points import FORMATS
 
-        return files_named(self.results, self.where, FORMATS[self.finite_size])
-
-    @property
-    def paths(self):
-        """See `Job`; of a study the files of its rows."""
-        return files_of(self._sources())
-
-    def check_outputs(self, to):
-        """Refuse a result given twice, and an output that may not be replaced."""
-        refuse_repeated(self._sources())
-        super().check_outputs(to)
+        return FORMATS[self.finite_size]
 
     def work(self, to):
         from jampetsc.analysis.collapse_fit import drift
         from jampetsc.commands import collapse_points
 
         start_time, form = time.perf_counter(), self.form
-        results = [load_source(source) for source in self._sources()]
+        results = [load_source(source) for source in self.sources]
         points = collapse_points.read_points(results, self.observable, self.finite_size)
         low, high = self.range or (0.0, math.inf)
         to_length = collapse_points.LENGTH[recorded_dimension(results[0].attributes)]

@@ -16,12 +16,11 @@ from jampetsc.analysis.flow_laws import (
 )
 from jampetsc.commands.collapse_points import MIN_PROBABILITY
 from jampetsc.commands.flow_points import COLUMNS, FORMATS, read_groups
-from jampetsc.commands.sources import WHERE, files_named, write_derived
+from jampetsc.commands.sources import WHERE, FitJob, write_derived
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines
-from jampetsc.options.job import Job, files_of
 from jampetsc.options.parameters import FILES, ValueType, optional_parameter, parameter
-from jampetsc.options.values import RESULT, load_source, refuse_repeated, split_list
+from jampetsc.options.values import RESULT, load_source, split_list
 
 SYMBOLS = {YIELD_STRESS: "sigma_y", CONSISTENCY: "A", FLOW_INDEX: "n"}
 COMMON_ATTRIBUTES = (
@@ -31,7 +30,7 @@ NORMAL_95 = 1.96  # half of a 95 % interval over half of a 68 % one
 
 
 @dataclass(frozen=True, eq=False)
-class Scaling(Job):
+class Scaling(FitJob):
     """Yield stress by a Herschel–Bulkley, Bingham or power-law fit of flow curves.
 
     Fit the mean shear stress of flows at several rates of one model, phi and N by
@@ -77,23 +76,14 @@ class Scaling(Job):
         if len(set(by)) < len(by):
             raise InputError(f"{named('by')} {','.join(by)}: a name twice. Leave one out.")
 
-    def _sources(self) -> list:
-        """The inputs: files, of a study the files of its rows, and results in memory."""
-        return files_named(self.results, self.where, FORMATS)
-
     @property
-    def paths(self):
-        """See `Job`; of a study the files of its rows."""
-        return files_of(self._sources())
-
-    def check_outputs(self, to):
-        """Refuse a result given twice, and an output that may not be replaced."""
-        refuse_repeated(self._sources())
-        super().check_outputs(to)
+    def formats(self):
+        """See `FitJob`."""
+        return FORMATS
 
     def work(self, to):
         start_time = time.perf_counter()
-        results = [load_source(source) for source in self._sources()]
+        results = [load_source(source) for source in self.sources]
         cut, by = math.inf if self.cut is None else self.cut, self.by or ()
         groups = [group.below(cut) for group in read_groups(results, by)]
         fits = [_fits_of(group, FORMS[self.form]) for group in groups]

@@ -9,12 +9,38 @@ from jampetsc.io.ensemble import TABLE, Ensemble
 from jampetsc.io.provenance import derived_from
 from jampetsc.io.reader import load
 from jampetsc.io.results import noted
+from jampetsc.options.job import Job, files_of
 from jampetsc.options.parameters import optional_parameter
-from jampetsc.options.values import input_name, load_source
+from jampetsc.options.values import input_name, load_source, refuse_repeated
 
 WHERE = optional_parameter(
     "study: use only the files whose rows in its table have these values", metavar="COLUMN=VALUE,…"
 )
+
+
+class FitJob(Job):
+    """A job that fits numbers of many files, its `results`, of a study those of the rows that `where` chooses."""
+
+    @property
+    def formats(self) -> tuple[str, ...]:
+        """Names of the formats that it reads."""
+        raise NotImplementedError
+
+    @property
+    def sources(self) -> list:
+        """The inputs: files, of a study the files of its rows, and results in memory."""
+        return files_named(self.results, self.where, self.formats)
+
+    @property
+    def paths(self):
+        """See `Job`; of a study the files of its rows."""
+        return files_of(self.sources)
+
+    def check_outputs(self, to):
+        """Refuse a result given twice, and an output that may not be replaced."""
+        refuse_repeated(self.sources)
+        super().check_outputs(to)
+
 
 FEW = 5  # values of a column that a message names
 
