@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc import interrupts
-from jampetsc.analysis.statistics import half_width
+from jampetsc.analysis.statistics import chi2_probability, jackknife_error
 from jampetsc.errors import InputError, named
 
 INTERVAL_LEVEL = 0.95  # of the intervals of parameters
@@ -115,9 +115,7 @@ class FlowLawFit:
     @property
     def probability(self) -> float:
         """Probability of a χ² at least as large."""
-        from scipy.special import gammaincc
-
-        return float(gammaincc(0.5 * self.dof, 0.5 * self.chi2))
+        return chi2_probability(self.chi2, self.dof)
 
     @property
     def resolves_yield_stress(self) -> bool:
@@ -252,7 +250,6 @@ def _exponential(value):
 
 def _jackknife_intervals(curve, form, law):
     """{name: (low, high)} from the fits without one seed, of A by way of ln A."""
-    count = len(curve.seeds)
     laws = [least_squares_law(other, form)[0] for other in curve.without_seeds()]
     intervals = {}
     for name in form.free:
@@ -262,8 +259,7 @@ def _jackknife_intervals(curve, form, law):
                 intervals[name] = -math.inf, math.inf
                 continue
             values, best = np.log(values), math.log(best)
-        scatter = math.sqrt((count - 1) / count * np.sum((values - values.mean()) ** 2))
-        width = half_width(count - 1, INTERVAL_LEVEL) * scatter
+        width = jackknife_error(values, INTERVAL_LEVEL)
         ends = best - width, best + width
         intervals[name] = tuple(map(_exponential, ends)) if name == CONSISTENCY else ends
     return intervals

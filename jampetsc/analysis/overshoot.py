@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.statistics import half_width, mean_with_error
+from jampetsc.analysis.statistics import half_width, jackknife_error, mean_with_error
 
 SMOOTHING_STRAIN = 0.02  # standard deviation of the Gaussian that smooths the mean, to find the window
 DEGREE, WINDOW_SHARE = 3, 0.7  # of the polynomial; of the overshoot, down to which its window reaches
@@ -57,7 +57,7 @@ def find_peak(strain, stress, steady) -> StressPeak:
     if seeds > 1:
         kept = ~np.eye(seeds, dtype=bool)
         places = [_fitted_peak(strain, stress[own], steady[own], DEGREE, WINDOW_SHARE)[0] for own in kept]
-        strain_error = half_width(seeds - 1) * math.sqrt((seeds - 1) * np.var(places))
+        strain_error = jackknife_error(places)
         ratio = half_width(seeds - 1, RESOLVED_LEVEL) / half_width(seeds - 1)
     overshoot_error = math.hypot(overshoot_error, rise)
     return StressPeak(

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from jampetsc.analysis.statistics import chi2_probability
 from jampetsc.errors import InputError, named
 
 EXPONENTS = ("y", "kappa", "omega")  # κ = zν or ν
@@ -210,9 +211,7 @@ class Fit:
     @property
     def probability(self) -> float:
         """Of a χ² at least as large, were the form and the errors right."""
-        from scipy.special import gammaincc
-
-        return float(gammaincc(0.5 * self.dof, 0.5 * self.chi2))
+        return chi2_probability(self.chi2, self.dof)
 
     def x(self, points) -> np.ndarray:
         """(φ − φ_J)/b^(1/κ), (M,)."""

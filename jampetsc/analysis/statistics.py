@@ -22,9 +22,25 @@ def half_width(degrees: float, level: float = CONFIDENCE_LEVEL) -> float:
     return float(stdtrit(degrees, 0.5 * (1.0 + level)))
 
 
+def chi2_probability(chi2: float, dof: int) -> float:
+    """Probability of a χ² at least as large, `dof` > 0 degrees of freedom."""
+    from scipy.special import gammaincc
+
+    return float(gammaincc(0.5 * dof, 0.5 * chi2))
+
+
 def small_sample_factor(count: int) -> float:
     """Factor on the scatter of statistics resampled from `count` = n samples: √(n/(n−1)) times Student's t of n − 1."""
     return math.sqrt(count / (count - 1)) * half_width(count - 1) if count > 1 else math.nan
+
+
+def jackknife_error(values, level: float = CONFIDENCE_LEVEL) -> float:
+    """Half of the Student interval of an estimate, from its values (n,) without one of n samples each.
+
+    The standard error is √((n − 1) var), Tukey, Ann. Math. Stat. 29, 614 (1958).
+    """
+    degrees = len(values) - 1
+    return half_width(degrees, level) * math.sqrt(degrees * np.var(values))
 
 
 def mean_with_error(values) -> tuple:

@@ -17,7 +17,7 @@ it. Its interval is
 import math
 from dataclasses import dataclass
 
-from scipy.special import chdtrc
+from jampetsc.analysis.statistics import chi2_probability
 
 SIGMAS = 2.0
 MARGIN, EXACT_MARGIN = 0.10, 0.02  # of the number claimed
@@ -49,7 +49,7 @@ class Estimate:
     @property
     def fits(self) -> bool:
         """Whether the form describes the data, P(χ²) ≥ MIN_PROBABILITY."""
-        return self.dof == 0 or bool(chdtrc(self.dof, self.chi2) >= MIN_PROBABILITY)
+        return self.dof == 0 or chi2_probability(self.chi2, self.dof) >= MIN_PROBABILITY
 
     @property
     def inflated(self) -> float:
