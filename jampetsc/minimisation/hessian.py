@@ -111,6 +111,16 @@ class Pattern:
         _sum(values, self._i, self._j, on_i, on_j, across, free, self.diagonal, self._blocks)
         return values
 
+    def own_blocks(self, values, disks):
+        """Lower triangles of the blocks of a mask of disks with themselves in the values, (n, dofs, dofs)."""
+        diagonal = self.diagonal[disks]
+        dofs = diagonal.shape[1]
+        blocks = np.zeros((len(diagonal), dofs, dofs))
+        for x in range(dofs):
+            for y in range(x, dofs):
+                blocks[:, y, x] = values[diagonal[:, x] + y - x]
+        return blocks
+
     def fill(self, bonds: Bonds, free, shift=0.0):
         """Values of K + shift for the disks in the mask `free`; unit rows for the others. (nonzeros,)"""
         own, across = bonds.squares()

@@ -54,11 +54,12 @@ class StepMatrix:
         blocks = blocks[:, :d, :d], blocks[:, d:, d:], blocks[:, :d, d:]
         least = MIN_SHIFT * max(self._stiffness, float(np.abs(viscous).max(initial=0.0)))
         self._mu = max(self._mu / SHIFT_GROWTH, least)
-        self._border, added = None, self._unheld(bonds) + drag
+        self._border = None
+        values = self._pattern.sum(*blocks, every)
+        values[self._pattern.diagonal] += drag + self._mu
+        values[self._pattern.diagonal] += self._unheld(bonds, values)
         while True:
             self.factorisations += 1
-            values = self._pattern.sum(*blocks, every)
-            values[self._pattern.diagonal] += self._mu + added
             if self._solver.factorise(self._pattern.indptr, self._pattern.indices, values):
                 if not free:
                     return
@@ -70,6 +71,7 @@ class StepMatrix:
                 self._schur = corner / self._length**2 + self._mu - self._border @ self._response
                 if self._schur > least:
                     return
+            values[self._pattern.diagonal] += (SHIFT_GROWTH**2 - 1.0) * self._mu
             self._mu *= SHIFT_GROWTH**2
 
     def solve(self, right):
@@ -80,11 +82,19 @@ class StepMatrix:
         strain = (right[-1] - self._border @ x) / self._schur
         return np.append(x - strain * self._response, strain)
 
-    def _unheld(self, bonds):
-        """Stiffness added to rattlers, (N, dofs), else 0: more than the −f/r by which contacts push them aside."""
+    def _unheld(self, bonds, values):
+        """Stiffness added to rattlers that nothing holds, (N, dofs), else 0: more than the −f/r that pushes them aside.
+
+        A rattler is held if it touches a disk that is none, and if its own block of the matrix is positive definite, as
+        dashpots make it in short steps. Stiffness that is not there would let Newton's method converge linearly.
+        """
         n, (i, j), touching = self._n, (bonds.pairs.i, bonds.pairs.j), bonds.overlap > 0.0
+        ends = both_ends(i[touching], j[touching])
+        rattlers = find_rattlers(n, *ends, bonds.dimension)
+        attached = np.bincount(ends[0], ~rattlers[ends[1]], n) > 0
+        least = np.full(n, -np.inf)
+        least[rattlers] = np.linalg.eigvalsh(self._pattern.own_blocks(values, rattlers))[:, 0]
+        unheld = rattlers & ~(attached & (least > self._mu))
         push = bonds.force / bonds.distance
         aside = gathered(np.column_stack((push, push)), i, j, n)
-        rattlers = find_rattlers(n, *both_ends(i[touching], j[touching]), bonds.dimension)
-        are_held = rattlers[:, None] & (np.arange(self._dofs) < RATTLER_UNKNOWNS)
-        return np.where(are_held, 2.0 * aside, 0.0)
+        return np.where(unheld[:, None] & (np.arange(self._dofs) < RATTLER_UNKNOWNS), 2.0 * aside, 0.0)

@@ -170,9 +170,9 @@ class Functional:
         With D(ω) = `reach(ω)` and forces f of contacts |D(ω)^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + ω w_B).
         The sum of f = w a is rounded, and so is a = C x + γ g in it.
         """
-        c, x2 = self.compatibility, np.abs(trial.x) ** 2
+        c, x2 = self.compatibility, _squares(trial.x)
         trial_sizes, bound_sizes = (np.abs(c.w_K) + at * c.w_B for at in (trial.omega, omega))
-        forces2 = np.abs(c.w_K + 1j * trial.omega * c.w_B) ** 2 * np.abs(trial.motions) ** 2
+        forces2 = (c.w_K**2 + (trial.omega * c.w_B) ** 2) * _squares(trial.motions)
         forces2 = np.divide(forces2, bound_sizes, out=np.zeros_like(bound_sizes), where=bound_sizes > 0.0)
         local = [
             np.sum(forces2),
@@ -181,7 +181,7 @@ class Functional:
             np.sum(((trial.omega * c.drag) ** 2 * x2 + (trial.strain * c.force_size) ** 2) / diagonal),
         ]
         if self.mass is not None:
-            (terms,) = trial.omega**2 * self.mass.diagonal * self.mass.terms(np.abs(trial.x)[None])
+            (terms,) = trial.omega**2 * self.mass.diagonal * self.mass.terms(np.sqrt(x2)[None])
             local[-1] += np.sum(terms**2 / diagonal)
         of_sums, of_x, of_g, on_disks = self.network.sum(np.array(local))
         stretch = self.network.max(c.reach(omega) / diagonal)
@@ -274,7 +274,12 @@ class Functional:
 
 def inverse_norm(network, forces, diagonal) -> float:
     """(fᴴD⁻¹f)^½ of forces (n_local,) and a diagonal D (n_local,). Collective."""
-    return float(np.sqrt(network.sum(np.sum(np.abs(forces) ** 2 / diagonal))))
+    return float(np.sqrt(network.sum(np.sum(_squares(forces) / diagonal))))
+
+
+def _squares(values):
+    """|z|² of complex or real z."""
+    return values.real**2 + values.imag**2
 
 
 def tensor_at(functionals, trials, results) -> tuple:

@@ -161,8 +161,8 @@ class DistributedNetwork:
         return self.k * law.tau1
 
     def sum(self, value):
-        """Sum over ranks of a number or an array. Collective."""
-        return self.comm.allreduce(value)
+        """Sum over ranks of a number or an array, on one rank itself. Collective."""
+        return self.comm.allreduce(value) if self.comm.size > 1 else value
 
     def max(self, values) -> float:
         """Largest of arrays of numbers ≥ 0 over ranks, or of a number, 0 where there are none. Collective."""

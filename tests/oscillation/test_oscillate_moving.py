@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from oscillations import steady_oscillation
 from powerlaw import Opening
-from samples import SAMPLES, isostatic, physics, published
+from samples import SAMPLES, bridge, isostatic, physics, published
 from sheared import forces
 from spheres import few_spheres
 from sweeps import Sweep
@@ -567,3 +567,11 @@ def test_rounding_is_no_energy_that_is_lost(imposed):
     usual = shaken(1e-2, 1e-7, 16, 1, rotations=False, **imposed)
     assert found.steps_taken == 24 and found.newton_steps <= 1.3 * usual.newton_steps
     assert abs(found.G - usual.G) < 1e-4 * abs(usual.G)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_newton_converges_in_a_few_steps_to_rattlers_that_dashpots_hold(dimension):
+    """A particle between two others: stiffness that is added to hold it would leave part of the residual at each step."""
+    motion = moving(1.0, 1e-2, law=physics().law, disks=bridge(dimension))
+    motion.advance([Imposed(1e-3 * at, 1e-3) for at in (STAGE, 1.0)])
+    assert motion.stages.iterations <= 7
