@@ -159,6 +159,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
         "SLOW": "24:0.2:5e-5",
     },
     "lees-edwards": sizes("RATE=0.1"),
+    "large-oscillations": sizes("STRAINS=1e-3,1e-2 STEPS=16"),
     "overdamped-limit": sizes("RATE=0.1 DRAG_STRAIN,CONTACT_STRAIN,PARTIAL_STRAIN=0.6")
     | {"QUALITY": "1,0.3", "LIGHT": "1,0.8"},
     "paper1": sizes(
