@@ -202,8 +202,8 @@ def _event_arrays(path, d2min) -> dict:
         return {}
     columns = path.events.arrays()
     columns |= {name: columns[name].astype(int) for name in ("kind", "particles", "contacts")}
-    if d2min and path.largest_drop["event"] >= 0:
-        columns |= {"largest": path.largest_drop["event"], "d2min": path.largest_drop["d2min"]}
+    if d2min and (largest := path.events.largest)["row"] >= 0:
+        columns |= {"largest": int(largest["row"]), "d2min": largest["d2min"]}
     return {f"events/{name}": values for name, values in columns.items()}
 
 

@@ -19,7 +19,7 @@ from jampetsc.minimisation.contact_branch import (
     respond,
 )
 from jampetsc.minimisation.warm_start import MIN_CURVATURE, displace_disks_by
-from jampetsc.packing.contacts import both_ends, find_rattlers
+from jampetsc.packing.contacts import both_ends, find_rattlers, pair_keys
 
 # of the stiffness of a contact: what holds loose disks, so that a contact moves them along its normal; in a factor
 HOLD_RATIO, FACTOR_HOLD_RATIO = 1e-6, 1e-3
@@ -243,8 +243,8 @@ class ShearBranch:
     def carry(self, old: "ShearBranch"):
         """Take over the contacts of a branch on an earlier list of the same disks, at its last point."""
         chosen = np.flatnonzero(old.active)
-        keys, vectors = _keys(old, old.point[1])
-        new_keys, new_vectors = _keys(self, self.point[1])
+        keys, vectors = pair_keys(old.pairs, old.n), _upward_normals(old)
+        new_keys, new_vectors = pair_keys(self.pairs, self.n), _upward_normals(self)
         sort = np.argsort(new_keys, kind="stable")
         sorted_keys = new_keys[sort]
         first = np.searchsorted(sorted_keys, keys[chosen])
@@ -267,7 +267,7 @@ class ShearBranch:
         self.classify()
 
 
-def _keys(branch, normals):
-    """(key of each pair (M,), its normal from the disk with the lower number (M, D))."""
-    i, j = branch.pairs.i.astype(np.int64), branch.pairs.j.astype(np.int64)
-    return np.minimum(i, j) * branch.n + np.maximum(i, j), np.where((i < j)[:, None], normals, -normals)
+def _upward_normals(branch):
+    """Normals (M, D) of pairs, each from the disk with the lower number."""
+    normals = branch.point[1]
+    return np.where((branch.pairs.i < branch.pairs.j)[:, None], normals, -normals)
