@@ -31,8 +31,8 @@ events/participation | (e,) | float? | | (Σu²)²/Σu⁴ of the displacements o
 events/largest | scalar | int? | | with `--d2min`: row of the largest drop
 events/d2min | (N,) | float? | length² | with `--d2min`: D²min of the particles in it; neighbours have a gap below
   half a mean diameter; nan without them
-events/lowest_eigenvalue | (e,) | float? | `units` | of K before it, rattlers and translations left out: an upper
-  bound, 0 where it vanishes
+events/lowest_eigenvalue | (e,) | float? | `units` | lowest one of K before it, rattlers and translations
+  left out; 0 where it vanishes
 state/base, state/offset | (N, D) | float | length | the last minimum, coordinates in two parts
 state/cell_base, state/cell_offset | (D, D) | float | length | its cell in two parts
 state/radii | (N,) | float | length | radii of the disks

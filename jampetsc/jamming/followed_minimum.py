@@ -150,7 +150,7 @@ class FollowedMinimum(StepwiseShear):
             if motion is None:
                 break
             rates = self.direction * branch.rates(motion, 1.0)
-            limit = rate_limit(motion, 1.0)
+            limit = rate_limit(motion, 1.0, self.diameter)
             near = np.abs(branch.overlaps) <= self._touch
             wrong = np.where(
                 branch.active == OPEN_PAIR,
@@ -176,7 +176,7 @@ class FollowedMinimum(StepwiseShear):
         )
         arrival = follower.follow()
         self._take(arrival.state)
-        return arrival, follower
+        return arrival
 
     def _is_stale(self, offsets, shear) -> bool:
         far = float(lengths(offsets).max())

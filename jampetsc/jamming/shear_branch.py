@@ -16,6 +16,7 @@ from jampetsc.minimisation.contact_branch import (
     factor_of_branch,
     overlap_rates,
     push_loose,
+    remove_drift,
     respond,
 )
 from jampetsc.minimisation.warm_start import MIN_CURVATURE, displace_disks_by
@@ -25,7 +26,7 @@ from jampetsc.packing.contacts import both_ends, find_rattlers, pair_keys
 HOLD_RATIO, FACTOR_HOLD_RATIO = 1e-6, 1e-3
 PIN_RATIO = 1e12  # of it: what holds the other disks while loose ones move
 TANGENT_TOLERANCE = 1e-10  # of the linear solve, relative
-MODE_STEPS = 1  # of inverse iteration at each event, for the lowest eigenvalue
+MODE_TOLERANCE, MAX_MODE_STEPS = 1e-4, 60  # of the lowest mode
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +124,10 @@ class ShearBranch:
             self.pairs, self.bearing, self.point[2], self.shift, self.factor, mode, self.stiffness,
             np.where(self.loose[:, None], 0.0, right), start, TANGENT_TOLERANCE,
         )  # fmt: skip
-        return None if steps < 0 else start
+        if steps < 0:
+            return None
+        remove_drift(self.loose, start)
+        return start
 
     @property
     def _loose_system(self):
@@ -180,13 +184,6 @@ class ShearBranch:
             slack_rates = self.signed(self.rates(*tangent))
         return BranchState(t, offsets, shear, moved, self.signed(self.overlaps), *tangent, slack_rates, span)
 
-    def can_bear(self, pair) -> bool:
-        """Whether a pair that does not touch would bear a force if it did."""
-        return bool(
-            self.active[pair] == OPEN_PAIR
-            and not (self.loose[self.pairs.i[pair]] or self.loose[self.pairs.j[pair]])
-        )
-
     def advance(self, start: BranchState, dt: float, mode=None, short: float = 0.0):
         """(offsets, shear, moved, length of the correction) after dt from a state; None where Newton's method fails."""
         offsets, moved = start.offsets.copy(), start.moved.copy()
@@ -227,18 +224,32 @@ class ShearBranch:
         return motion
 
     def lowest_mode(self, start):
-        """(an upper bound of the lowest eigenvalue of K, its mode (N, D)), by inverse iteration from `start`."""
-        backbone, mode, work = ~self.loose, start, np.empty_like(start)
-        value = np.inf
-        for _ in range(MODE_STEPS):
-            mode = np.where(backbone[:, None], mode, 0.0)
-            mode[backbone] -= mode[backbone].mean(axis=0)
-            mode /= np.sqrt(np.sum(mode * mode))
-            new = np.empty_like(mode)
-            ldl.solve(self.factor, mode, new, work)
-            square = np.sum(new * new)
-            value, mode = float(np.sum(new * mode) / square) - self.stiffness * MIN_CURVATURE, new
-        return value, mode / np.sqrt(np.sum(mode * mode))
+        """(lowest eigenvalue of K without loose disks and translations, its mode (N, D)), by the last factor.
+
+        By Lanczos' method on K⁻¹ from `start` (N, D), to MODE_TOLERANCE of the mode.
+        """
+        shape, basis, images = start.shape, [], []
+        vector, work = self._held(start), np.empty_like(start)
+        for _ in range(MAX_MODE_STEPS):
+            basis.append(vector.ravel() / np.linalg.norm(vector))
+            image = np.empty_like(start)
+            ldl.solve(self.factor, basis[-1].reshape(shape), image, work)
+            images.append(self._held(image).ravel())
+            rows = np.array(basis)
+            values, shares = np.linalg.eigh(rows @ np.array(images).T)
+            rest = images[-1] - rows.T @ (rows @ images[-1])
+            rest -= rows.T @ (rows @ rest)
+            vector = rest.reshape(shape)
+            if np.linalg.norm(rest) * abs(shares[-1, -1]) <= MODE_TOLERANCE * values[-1]:
+                break
+        mode = (shares[:, -1] @ rows).reshape(shape)
+        return 1.0 / values[-1] - self.stiffness * MIN_CURVATURE, mode
+
+    def _held(self, moves):
+        """Moves (N, D) of held disks without their mean; the others zero."""
+        held = np.where(self.loose[:, None], 0.0, moves)
+        remove_drift(self.loose, held)
+        return held
 
     def carry(self, old: "ShearBranch"):
         """Take over the contacts of a branch on an earlier list of the same disks, at its last point."""

@@ -11,7 +11,7 @@ import numpy as np
 from jampetsc.errors import ConvergenceError
 from jampetsc.jamming.branch_follower import CONTACT, LOST, SYMMETRY, TARGET, TURN
 from jampetsc.jamming.event_table import CLOSES, HIDDEN, LEAVES, OPENS, TOUCHES, UNSTABLE, EventTable
-from jampetsc.jamming.followed_minimum import LIGHT_RATIO, CameApart, FollowedMinimum
+from jampetsc.jamming.followed_minimum import CameApart, FollowedMinimum
 from jampetsc.jamming.instability import descend_steepest, displacement_between, pushed_offsets
 from jampetsc.jamming.stepwise_shear import RESTART_STEPS, StrainStep
 from jampetsc.minimisation import warm_start
@@ -72,12 +72,12 @@ class EventShear(FollowedMinimum):
             if self._is_stale(FOLD_RATIO * self.offsets, FOLD_RATIO * self.shear):
                 self.fold()
                 self._settle([])
-            arrival, follower = self._follow(target)
+            arrival = self._follow(target)
             self._require_contacts()
             if arrival.cause in (TURN, SYMMETRY, LOST):
                 self._lose(arrival)
             elif arrival.cause == CONTACT:
-                self._change_contacts(arrival, follower)
+                self._change_contacts(arrival.pair)
             else:
                 self._settle([])
                 if arrival.cause == TARGET:
@@ -110,9 +110,9 @@ class EventShear(FollowedMinimum):
         self.shear += self.direction * QUENCH_STRAIN
         self._land(start, self._quench(self.disks, MAX_SHAKES), before, lowest, kind)
 
-    def _change_contacts(self, arrival, follower):
+    def _change_contacts(self, pair):
         """An event where a contact opens or closes."""
-        branch, before, pair = self.branch, self.branch.active.copy(), arrival.pair
+        branch, before = self.branch, self.branch.active.copy()
         measures, lowest = self._measures(), self._lowest()
         try:
             is_definite = self._settle([pair]) is not None
@@ -120,26 +120,13 @@ class EventShear(FollowedMinimum):
             self._quench_on(measures, lowest)
             return
         if not is_definite:
-            if self._opened == pair:  # was K definite before?
-                branch.active[:] = before
-                branch.classify(LIGHT_RATIO * self._touch)
-                loss = follower.confirm(arrival)
-                if loss is not arrival:
-                    self.displacement -= arrival.state.moved
-                    self._take(loss.state)
-                    self._lose(loss)
-                    return
-                mode = branch.opening(pair)
-                branch.active[pair] = OPEN_PAIR
-                branch.classify(LIGHT_RATIO * self._touch)
-            else:
-                mode = branch.opening(self._opened)
-            self._fall(mode, measures, lowest)
+            self._fall(branch.opening(self._opened), measures, lowest)
             return
         after = self._measures()
-        for changed in np.flatnonzero((before != OPEN_PAIR) != (branch.active != OPEN_PAIR)):
-            kind = self._kind(before[changed], branch.active[changed])
-            self.events.record(self.present_strain, kind, self._ends(changed), measures, after, lowest)
+        changed = np.flatnonzero((before != OPEN_PAIR) != (branch.active != OPEN_PAIR))
+        events = [(self._kind(before[pair], branch.active[pair]), self._ends(pair)) for pair in changed]
+        for kind, ends in sorted(events):  # of one strain, in an order that the list does not decide
+            self.events.record(self.present_strain, kind, ends, measures, after, lowest)
 
     def _kind(self, before, after) -> int:
         if before == OPEN_PAIR:

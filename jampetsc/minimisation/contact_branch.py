@@ -206,6 +206,25 @@ def respond(pairs, active, blocks, shift, factor, mode, weight, b, x, tolerance)
 
 
 @compiled(NUMBERS)
+def remove_drift(loose, x):
+    """Take the mean of the disks that are held out of their moves x (N, D), where rounding over the shift of K puts it.
+
+    Loose disks would be left behind.
+    """
+    held = 0
+    for k in range(len(x)):
+        held += not loose[k]
+    for a in range(x.shape[1]):
+        total = 0.0
+        for k in range(len(x)):
+            if not loose[k]:
+                total += x[k, a]
+        for k in range(len(x)):
+            if not loose[k]:
+                x[k, a] -= total / held
+
+
+@compiled(NUMBERS)
 def correct(pairs, active, loose, potential, scalars, shift, factor, mode, point, o, moved):
     """Newton's method from offsets o (N, D) to equilibrium; returns (success, g, evaluations, sums).
 
@@ -263,6 +282,7 @@ def correct(pairs, active, loose, potential, scalars, shift, factor, mode, point
             )
             second += change * first
             first, second = second, first
+        remove_drift(loose, first)
         displace_disks(o, moved, first, 1.0, g, pairs.r0)
         g += change
     return False, g, MAX_NEWTON_STEPS, sums

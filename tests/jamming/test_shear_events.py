@@ -19,6 +19,12 @@ STARTS = {  # name -> (how the packing is made, what happens)
     "spheres": ({"n": 16, "pressure": 1e-2, "seed": 4, "dimension": 3}, "OOUCOOOOCCCOC"),
 }
 LETTERS = "OCUTLH"
+UNEVEN = {  # sizes 1:10, with rattlers that are touched and left
+    "uneven disks": {"n": 32, "pressure": 1e-2, "seed": 1, "sizes": "uniform:1:10"},
+    "uneven soft spheres": {
+        "n": 24, "pressure": 1e-2, "seed": 1, "sizes": "uniform:1:10", "dimension": 3, "potential": "hertzian",
+    },
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +139,10 @@ def test_contacts_change_at_the_strains_of_a_dense_bisection(runs, name):
         before = path.touching()
         exact = changed_at(path, low, high)
         assert exact == pytest.approx(strain, abs=1e-12)
-        energy, stress, *_ = path.derivatives()
+        energy, stress, _, K, _ = path.derivatives()
+        eigenvalues = np.linalg.eigvalsh(K)
+        lowest = eigenvalues[eigenvalues > 1e-9][0]
+        assert result["events/lowest_eigenvalue"][event] == pytest.approx(lowest, rel=1e-3)
         assert result["events/energy"][event, 0] == pytest.approx(energy, rel=1e-9)
         assert result["events/shear_stress"][event] == pytest.approx(stress / packing.volume, rel=1e-9)
         assert path.move_to(high)
@@ -211,16 +220,48 @@ def test_forward_and_back_below_the_first_instability_is_the_identity(runs, name
     assert [opposite[kind] for kind in back["events/kind"][::-1]] == forth["events/kind"].tolist()
 
 
-def test_a_mirror_image_sheared_the_other_way_has_the_same_events(runs):
-    packing, result = runs["disks"]
-    cell = packing.cell * [[1, 1], [-1, 1]]
-    mirrored = jampetsc.Packing(packing.positions * [-1, 1], packing.radii, cell, k=3.0)
-    other = jampetsc.shear(mirrored, step=STEP, strain=-STRAIN, events=True, discard=0.0)
-    np.testing.assert_allclose(other["events/strain"], -result["events/strain"], rtol=1e-11)
-    for name, factor in (("shear_stress", -3.0), ("pressure", 3.0), ("energy", 3.0)):
-        np.testing.assert_allclose(other[f"events/{name}"], factor * result[f"events/{name}"], rtol=1e-7)
-    np.testing.assert_allclose(other["events/drop"], 3.0 * result["events/drop"], rtol=1e-6)
-    assert np.array_equal(other["events/particles"], result["events/particles"])
+def changed_pairs(result, numbers):
+    """[(strain rank, kind, particles)] sorted, events of one strain as one, of particles with these numbers."""
+    ends = np.sort(numbers[result["events/particles"]], axis=1).tolist()
+    strain = np.abs(result["events/strain"])
+    rank = np.cumsum(np.diff(strain, prepend=0.0) > 1e-9)
+    return sorted(zip(rank.tolist(), result["events/kind"].tolist(), ends, strict=True))
+
+
+@pytest.mark.parametrize("name", [*STARTS, *UNEVEN])
+def test_events_are_those_of_the_mirrored_packing_moved_relabelled_and_in_other_units(runs, name):
+    """Sheared the other way. Units of length and of k, a shift of the origin, and the numbers of the particles."""
+    if name in STARTS:
+        packing, result = runs[name]
+    else:
+        packing = jampetsc.pack(**UNEVEN[name])
+        result = jampetsc.shear(packing, step=STEP, strain=0.02, events=True, discard=0.0)
+    generator, length, k = np.random.default_rng(3), 10.0, 7.0
+    order, mirror = generator.permutation(packing.n), np.array([-1.0, 1.0, 1.0])[: packing.dimension]
+    cell = length * packing.cell * mirror
+    cell[0] *= -1.0
+    places = length * (mirror * packing.positions[order] + generator.random(packing.dimension))
+    potential = packing.potential.kind, packing.potential.stiffness, k
+    other = jampetsc.Packing(places, length * packing.radii[order], cell, *potential)
+    strain = -result["strain"][-1]
+    mirrored = jampetsc.shear(other, step=STEP, strain=strain, events=True, discard=0.0)
+    assert changed_pairs(mirrored, order) == changed_pairs(result, np.arange(packing.n))
+    np.testing.assert_allclose(-mirrored["events/strain"], result["events/strain"], rtol=0, atol=1e-10)
+    alpha = packing.potential.exponent
+    energy, stress = k * length**alpha, k * length ** (alpha - packing.dimension)
+    for column, unit, tolerance in (
+        ("energy", energy, 1e-7),
+        ("drop", energy, 1e-6),
+        ("pressure", stress, 1e-7),
+        ("shear_stress", -stress, 1e-7),
+        ("participation", 1.0, 1e-6),
+        ("contacts", 1, 0),
+        ("lowest_eigenvalue", k * length ** (alpha - 2), 1e-4),
+    ):
+        values = unit * result[f"events/{column}"]
+        np.testing.assert_allclose(
+            mirrored[f"events/{column}"], values, rtol=tolerance, atol=1e-6 * np.abs(values).max()
+        )
 
 
 def test_every_row_is_a_minimum(runs):
