@@ -1,4 +1,4 @@
-"""A minimum that is followed under shear while its contacts stay: its branch, and which pairs touch at a point of it.
+"""A minimum that is followed under a load while its contacts stay: its branch, and which pairs touch at a point of it.
 
 Between two events the contacts are the same, and a branch of minima x(γ) is followed by its tangent and Newton's
 method (`branch_follower`). Where overlaps vanish, which of several contacts that only touch stay is the
@@ -16,10 +16,11 @@ from jampetsc.jamming.branch_follower import BranchFollower, rate_limit
 from jampetsc.jamming.event_table import Measures
 from jampetsc.jamming.shear_branch import BranchState, ShearBranch
 from jampetsc.jamming.stepwise_shear import MinimumState, StepwiseShear, energy_cut
+from jampetsc.laws.loads import Load, simple_shear
 from jampetsc.minimisation.contact_branch import BEARING, OPEN_PAIR, WEIGHTLESS
 from jampetsc.packing.neighbour_list import is_stale
 from jampetsc.packing.neighbours import lengths
-from jampetsc.packing.strain import simple_shear
+from jampetsc.packing.strain import gradient_over, strain_of, strained, volume_ratio
 
 TOUCH_RATIO = 1e-13  # of the largest diameter: overlaps and gaps that are none
 LIGHTEST_RATIO = 1e-15  # of the stiffness of a contact times its length: forces that are none
@@ -33,23 +34,45 @@ class CameApart(ConvergenceError):
 
 
 class FollowedMinimum(StepwiseShear):
-    """Disks at a minimum with a branch of its contacts. `direction`: ±1, of the shear."""
+    """Disks at a minimum with a branch of its contacts. `direction`: ±1, of the path.
 
-    def __init__(self, disks, step, solver, tolerance, team=None):
-        self.branch, self._origin = None, 0.0
+    The cell is strained by 1 + γE. Stresses are V⁻¹ dU/dγ, V the volume before any strain: σ_xy in simple shear.
+
+    load   E, a `Load` with zeros below its diagonal; simple shear if not given
+    """
+
+    def __init__(self, disks, step, solver, tolerance, team=None, load: Load | None = None):
+        self.load = load or simple_shear(disks.dimension)
+        self.branch, self.shear, self._listed_strain = None, 0.0, 0.0
+        self.first_volume = disks.volume
         self.direction = 1.0 if step > 0 else -1.0
         super().__init__(disks, step, solver, tolerance, team)
 
     @property
     def present_strain(self) -> float:
         """γ where the disks are now."""
-        return self._origin + self.shear
+        return self._listed_strain + self.shear
+
+    @property
+    def cell_strain(self):
+        """See `ListedPacking`."""
+        return strained(self._gradient, self.shear)
+
+    @property
+    def _gradient(self):
+        """Gradient of the load by distances of the list, E (1 + γE)⁻¹."""
+        E = strain_of(self.load.gradient)
+        return gradient_over(E, strained(E, self._listed_strain))
+
+    def list(self, disks):
+        """See `ListedPacking`."""
+        self._listed_strain = self.present_strain
+        super().list(disks)
 
     def fold(self):
         """See `ListedPacking`; the contacts stay."""
-        origin, old = self.present_strain, self.branch
+        old = self.branch
         super().fold()
-        self._origin = origin
         if old is not None:
             self._find_order()
             self._make_branch()
@@ -58,8 +81,8 @@ class FollowedMinimum(StepwiseShear):
 
     def _make_branch(self):
         self.branch = ShearBranch(
-            self.pairs, self.reference.n, self._potential, self._stiffness, self._order, self.effort
-        )
+            self.pairs, self.reference.n, self._gradient, self._potential, self._stiffness, self._order, self.effort
+        )  # fmt: skip
         self._evaluate()
 
     def _evaluate(self):
@@ -90,11 +113,10 @@ class FollowedMinimum(StepwiseShear):
         )
 
     def _measures(self) -> Measures:
-        energy, shear, trace = self.branch.sums
+        energy, work, trace = self.branch.sums
         contacts = int(np.count_nonzero(self.branch.bearing))
-        return Measures(
-            shear / self.volume, trace / (self.reference.dimension * self.volume), energy, contacts
-        )
+        virial_volume = self.reference.dimension * self.volume * volume_ratio(self.cell_strain)
+        return Measures(work / self.first_volume, trace / virial_volume, energy, contacts)
 
     def _come_to_rest(self):
         """Newton's method to the minimum of the contacts that overlap there. Raises ConvergenceError."""
@@ -172,7 +194,13 @@ class FollowedMinimum(StepwiseShear):
         branch, still = self.branch, np.zeros_like(self.offsets)
         start = branch.state(0.0, self.offsets.copy(), self.shear, still, self._tangent)
         follower = BranchFollower(
-            branch, start, target - self._origin, self.direction, self._touch, self.diameter, self._is_stale
+            branch,
+            start,
+            target - self._listed_strain,
+            self.direction,
+            self._touch,
+            self.diameter,
+            self._is_stale,
         )
         arrival = follower.follow()
         self._take(arrival.state)
@@ -180,7 +208,7 @@ class FollowedMinimum(StepwiseShear):
 
     def _is_stale(self, offsets, shear) -> bool:
         far = float(lengths(offsets).max())
-        return bool(is_stale(far, simple_shear(shear), self.largest, self.skin))
+        return bool(is_stale(far, strained(self._gradient, shear), self.largest, self.skin))
 
     def _take(self, state):
         """Move to a state of the branch."""

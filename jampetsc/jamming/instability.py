@@ -3,7 +3,6 @@
 import numpy as np
 
 from jampetsc.minimisation.overdamped import OverdampedDescent
-from jampetsc.minimisation.warm_start import displace_disks_by
 from jampetsc.packing.contacts import measure, typical_force
 from jampetsc.packing.neighbours import fractional, vectors
 
@@ -34,7 +33,7 @@ def pushed_offsets(branch, disks, offsets, shear, pressure, floor, mode):
     size = PUSH_RATIO * overlap
     while size < MAX_PUSH_RATIO * overlap:
         trial = offsets.copy()
-        displace_disks_by(trial, np.zeros_like(trial), size * unit, shear, branch.pairs.r0)
+        branch.displace(trial, np.zeros_like(trial), size * unit, shear)
         branch.evaluate(trial, shear)
         if np.sum(branch.point[4] * backbone) > least:
             return trial

@@ -1,4 +1,4 @@
-"""A branch of minima under shear: positions x(γ) at rest while the same particles touch, with tangent and proof."""
+"""A branch of minima under a load: positions x(γ) at rest while the same particles touch, with tangent and proof."""
 
 from dataclasses import dataclass
 
@@ -21,6 +21,7 @@ from jampetsc.minimisation.contact_branch import (
 )
 from jampetsc.minimisation.warm_start import MIN_CURVATURE, displace_disks_by
 from jampetsc.packing.contacts import both_ends, find_rattlers, pair_keys
+from jampetsc.packing.strain import strained
 
 # of the stiffness of a contact: what holds loose disks, so that a contact moves them along its normal; in a factor
 HOLD_RATIO, FACTOR_HOLD_RATIO = 1e-6, 1e-3
@@ -33,12 +34,12 @@ MODE_TOLERANCE, MAX_MODE_STEPS = 1e-4, 60  # of the lowest mode
 class BranchState:
     """A point of the branch: where disks are, and how they move on.
 
-    The parameter t of the branch is the strain, counted in the direction of the shear, or s = φ · x of a mode φ.
+    The parameter t of the branch is the strain, counted in the direction of the path, or s = φ · x of a mode φ.
     """
 
     t: float
     offsets: np.ndarray  # (N, D)
-    shear: float  # since the list
+    shear: float  # amplitude of the load since the list
     moved: np.ndarray  # (N, D) in the laboratory, since t = 0
     slacks: (
         np.ndarray
@@ -53,14 +54,21 @@ class ShearBranch:
     """Contacts `active` (M,) of the pairs of a list, which stay the same, and the factor of their K.
 
     n           number of disks
+    gradient    of the load, by distances of the list, a `Strain`
     potential   `Potential.constants`
     stiffness   of a usual contact
     order       of elimination
     effort      counts evaluations and factorisations
     """
 
-    def __init__(self, pairs, n: int, potential, stiffness: float, order, effort):
-        self.pairs, self.n, self.potential, self.stiffness = pairs, n, potential, stiffness
+    def __init__(self, pairs, n: int, gradient, potential, stiffness: float, order, effort):
+        self.pairs, self.n, self.gradient, self.potential, self.stiffness = (
+            pairs,
+            n,
+            gradient,
+            potential,
+            stiffness,
+        )
         self.order, self.effort = order, effort
         self.dimension = len(pairs.r0)
         self.active = np.zeros(len(pairs.i), np.int8)
@@ -102,11 +110,12 @@ class ShearBranch:
         self.bearing[self.bearing == STARTING] = BEARING
 
     def evaluate(self, offsets, shear: float):
-        """(U, σ_xy V, p D V) of the contacts; `point` has all the rest."""
+        """(U, dU/dγ, p D V) of the contacts; `point` has all the rest."""
         self.effort.evaluations += 1
         self.sums = evaluate(
-            self.pairs, self.active, self.loose, offsets, shear, self.potential, self.stiffness, self.point
-        )
+            self.pairs, self.active, self.loose, offsets, shear, self.gradient, self.potential, self.stiffness,
+            self.point,
+        )  # fmt: skip
         return self.sums
 
     def factorise(self) -> bool:
@@ -168,6 +177,10 @@ class ShearBranch:
         rate = (1.0 - self.stiffness * np.sum(mode * own)) / np.sum(mode * motion)
         return self.with_loose(rate * motion + self.stiffness * own, rate), rate
 
+    def displace(self, offsets, moved, motion, shear: float):
+        """Add a motion (N, D) in the laboratory to offsets, and to `moved`."""
+        displace_disks_by(offsets, moved, motion, strained(self.gradient, shear), self.pairs.r0)
+
     def rates(self, motion, strain_rate: float):
         """dδ/dt (M,) of all pairs."""
         rates = np.empty(len(self.active))
@@ -187,14 +200,14 @@ class ShearBranch:
     def advance(self, start: BranchState, dt: float, mode=None, short: float = 0.0):
         """(offsets, shear, moved, length of the correction) after dt from a state; None where Newton's method fails."""
         offsets, moved = start.offsets.copy(), start.moved.copy()
-        displace_disks_by(offsets, moved, dt * start.motion, start.shear, self.pairs.r0)
+        self.displace(offsets, moved, dt * start.motion, start.shear)
         predicted = moved.copy()
         shear = start.shear + dt * start.strain_rate
         goal = start.t + dt if mode is not None else 0.0
         scalars = shear, self.stiffness, self.stiffness, goal, short
         success, shear, evaluations, self.sums = correct(
-            self.pairs, self.bearing, self.loose, self.potential, scalars, self.shift, self.factor,
-            self.no_mode if mode is None else mode, self.point, offsets, moved,
+            self.pairs, self.bearing, self.loose, self.gradient, self.potential, scalars, self.shift,
+            self.factor, self.no_mode if mode is None else mode, self.point, offsets, moved,
         )  # fmt: skip
         self.effort.evaluations += evaluations
         if success and self.weightless.any():
@@ -208,8 +221,8 @@ class ShearBranch:
         self.evaluate(offsets, shear)
         scalars = shear, self.stiffness, 0.0, 0.0, 0.0
         success, *_ = correct(
-            self.pairs, self.weightless, self.loose, self.potential, scalars, *self._loose_system, self.no_mode,
-            self.point, offsets, moved,
+            self.pairs, self.weightless, self.loose, self.gradient, self.potential, scalars,
+            *self._loose_system, self.no_mode, self.point, offsets, moved,
         )  # fmt: skip
         self.evaluate(offsets, shear)
         return success

@@ -1,4 +1,4 @@
-"""Quasistatic shear from event to event: every change of contacts and every instability, at its strain.
+"""Quasistatic strain from event to event: every change of contacts and every instability, at its strain.
 
 A minimum is followed (`followed_minimum`) to the first root of an overlap of a contact or of the gap of another pair,
 or to the strain where its branch turns back as K becomes singular (a saddle-node), where s = φ · x is the parameter.
@@ -25,16 +25,17 @@ MAX_EVENTS = 100_000  # of one step
 
 
 class EventShear(FollowedMinimum):
-    """Disks sheared from event to event, in each `advance` to a multiple of `step`; `events`: an `EventTable`.
+    """Disks strained from event to event, in each `advance` to a multiple of `step`; `events`: an `EventTable`.
 
     It ends where no contact is left, at the strain `came_apart`.
 
-    descent: steepest or lbfgs, by which disks leave an instability
+    descent   steepest or lbfgs, by which disks leave an instability
+    load      see `FollowedMinimum`
     """
 
-    def __init__(self, disks, step, solver, tolerance, team=None, descent="steepest"):
+    def __init__(self, disks, step, solver, tolerance, team=None, descent="steepest", load=None):
         self.descent, self.events = descent, EventTable(disks.n, disks.dimension)
-        super().__init__(disks, step, solver, tolerance, team)
+        super().__init__(disks, step, solver, tolerance, team, load)
 
     @property
     def strain(self) -> float:
@@ -43,8 +44,9 @@ class EventShear(FollowedMinimum):
 
     def _restart_list(self):
         self.branch = None
+        self.fold()
+        self._listed_strain = self.steps * self.step
         super()._restart_list()
-        self._origin = self.steps * self.step
         self._anchor_events = self.events.state()
         self._mode = np.random.default_rng(self.reference.n).standard_normal(self.offsets.shape)
 
@@ -94,6 +96,7 @@ class EventShear(FollowedMinimum):
     def restore(self, state: dict) -> None:
         """See `StepwiseShear`."""
         self.events.restore(state)
+        self._listed_strain, self.shear = int(state["anchor"]) * self.step, 0.0
         super().restore(state)
 
     def _lose(self, arrival):
@@ -161,11 +164,9 @@ class EventShear(FollowedMinimum):
 
     def _land(self, start, disks, before, lowest, kind=UNSTABLE):
         """Continue from another minimum, `disks`, than `start`, where an instability was."""
-        strain = self.present_strain
         moved = displacement_between(start, disks)
         self.branch = None
         self.list(disks)
-        self._origin = strain
         self._find_order()
         self._measure_scales()
         so_far, self.displacement = self.displacement, moved

@@ -249,7 +249,7 @@ class StepwiseShear(ListedPacking):
         self.displacement = np.empty_like(self.offsets)
         if self.stale(
             warm_start.moved_on(
-                self.offsets, self.shear, self.last_displacement, self.displacement, self.pairs.r0
+                self.offsets, self.cell_strain, self.last_displacement, self.displacement, self.pairs.r0
             )
         ):
             self.fold()

@@ -91,7 +91,7 @@ class OverdampedDescent(ListedPacking):
                 self.step *= max(min(ratio, 0.5), MIN_RATIO)
                 if not self.step * self.stiffness > MIN_STEP:  # rounding alone is left
                     return self.disks
-            far = moved_on(self.offsets, 0.0, a, moved, like)
+            far = moved_on(self.offsets, self.cell_strain, a, moved, like)
             self.time += self.step
             self.steps += 1
             self.step *= min(ratio, MAX_RATIO)
