@@ -1078,7 +1078,7 @@ def shear(
     events : bool, default False
         follow each minimum exactly from event to event: contacts that open or close, instabilities
     d2min : bool, default False
-        with events, D²min of each particle in the largest drop of the energy
+        with events, displacement and D²min of each particle in the largest drop of the energy
     descent : "steepest" or "lbfgs", default None
         with events, way down from an instability: steepest descent, which overdamped particles take, or L-BFGS (default steepest)
     load : str, array (D, D) or one of `jampetsc.loads`, default None

@@ -63,7 +63,9 @@ prefix -newton_."""
         group="run",
     )
     d2min: bool = parameter(
-        False, "with events, D²min of each particle in the largest drop of the energy", group="run"
+        False,
+        "with events, displacement and D²min of each particle in the largest drop of the energy",
+        group="run",
     )
     descent: str | None = run_parameter(
         "with events, way down from an instability: steepest descent, which overdamped particles take, or L-BFGS "
@@ -225,7 +227,8 @@ def _event_arrays(path, d2min) -> dict:
     columns = path.events.arrays()
     columns |= {name: columns[name].astype(int) for name in ("kind", "particles", "contacts")}
     if d2min and (largest := path.events.largest)["row"] >= 0:
-        columns |= {"largest": int(largest["row"]), "d2min": largest["d2min"]}
+        columns |= {"largest": int(largest["row"])}
+        columns |= {name: largest[name] for name in ("positions", "cell", "displacement", "d2min")}
     return {f"events/{name}": values for name, values in columns.items()}
 
 

@@ -30,8 +30,11 @@ events/contacts | (e, 2) | int? | | contacts that bear a force before and after 
 events/drop | (e,) | float? | `units` | energy that is dissipated
 events/participation | (e,) | float? | | (Σu²)²/Σu⁴ of the displacements of kind 2, how many particles move; else 0
 events/largest | scalar | int? | | with `--d2min`: row of the largest drop
-events/d2min | (N,) | float? | length² | with `--d2min`: D²min of the particles in it; neighbours have a gap below
-  half a mean diameter; nan without them
+events/positions, events/displacement | (N, D) | float? | length | with `--d2min`: of the particles before it, and to
+  the minimum after it, without the mean
+events/cell | (D, D) | float? | length | with `--d2min`: rows of the cell at it
+events/d2min | (N,) | float? | length² | with `--d2min`: D²min of the particles in it, the mean of \|u_j − u_i − J r\|²
+  over neighbours with a gap below half a mean diameter, at the best J; nan without neighbours
 events/lowest_eigenvalue | (e,) | float? | `units` | lowest one of K before it, rattlers and translations
   left out; 0 where it vanishes
 state/base, state/offset | (N, D) | float | length | the last minimum, coordinates in two parts

@@ -29,7 +29,10 @@ class Measures:
 
 
 def deviations(disks, displacement):
-    """D²min (N,) of disks that are displaced by (N, D), see `rearrangement.least_square_deviation`."""
+    """D²min (N,) of disks that are displaced by (N, D), see `rearrangement.least_square_deviation`.
+
+    Neighbours have a gap below NEIGHBOUR_GAP mean diameters before.
+    """
     gap = NEIGHBOUR_GAP * 2.0 * float(np.mean(disks.radii))
     i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, gap)
     return least_square_deviation(i, j, bond_vectors(disks, i, j, image), displacement)

@@ -1,5 +1,7 @@
 """`jampetsc shear --events`: changes of contacts and instabilities at their strains, against dense matrices."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from dense import all_pairs
@@ -396,6 +398,35 @@ def test_a_killed_run_continues_to_the_last_bit(runs, tmp_path, monkeypatch):
     ):
         assert np.array_equal(whole[name], parts[name])
     assert whole["events/kind"][whole["events/largest"]] == UNSTABLE and (whole["events/d2min"] > 0.0).all()
+
+
+@pytest.mark.parametrize("name", ["disks", "spheres"])
+def test_d2min_is_the_rest_of_a_dense_fit(runs, name):
+    """Of the largest drop, by least squares over neighbours with a gap below half a mean diameter."""
+    packing, _ = runs[name]
+    result = jampetsc.shear(packing, step=STEP, strain=STRAIN, events=True, d2min=True, discard=0.0)
+    row = result["events/largest"]
+    assert row == np.argmax(result["events/drop"]) and result["events/kind"][row] == UNSTABLE
+    places, moved, cell = (result[f"events/{part}"] for part in ("positions", "displacement", "cell"))
+    assert cell[1, 0] / cell[1, 1] == pytest.approx(result["events/strain"][row], abs=1e-12)
+    before, after = (
+        jampetsc.Packing(x, packing.radii, cell, packing.potential.kind) for x in (places, places + moved)
+    )
+    drop = result["events/energy"][row, 0] - before.record["energy"]
+    assert drop == pytest.approx(0.0, abs=1e-9 * before.record["energy"])
+    assert after.record["energy"] == pytest.approx(result["events/energy"][row, 1], rel=1e-9)
+    reach = packing.radii + packing.radii[:, None] + 0.5 * np.mean(2 * packing.radii)
+    for particle in range(packing.n):
+        bonds, changes = [], []
+        for image in np.array(list(product((-1, 0, 1), repeat=packing.dimension))) @ cell:
+            r = places + image - places[particle]
+            near = (np.linalg.norm(r, axis=1) < reach[particle]) & (r**2).any(axis=1)
+            bonds.append(r[near])
+            changes.append((moved - moved[particle])[near])
+        bonds, changes = np.concatenate(bonds), np.concatenate(changes)
+        fit = np.linalg.lstsq(bonds, changes, rcond=None)[0]
+        expected = np.sum((changes - bonds @ fit) ** 2) / len(bonds)
+        assert result["events/d2min"][particle] == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_path_without_events_has_an_empty_table(runs, tmp_path):
