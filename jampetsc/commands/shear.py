@@ -44,7 +44,7 @@ class Shear(ShearJob):
   jampetsc shear p.h5 --step 1e-3 --strain 1 --out from-p.h5
   jampetsc shear p.h5 --events --step 1e-3 --strain 0.01 --last there.h5 --out there-events.h5
   jampetsc shear there.h5 --events --step 1e-3 --strain -0.01 --out back.h5
-  jampetsc shear p.h5 --events --step 1e-3 --strain -0.01 --load compression --out compressed.h5
+  jampetsc shear p.h5 --events --step 1e-3 --strain -0.01 --load compression --out compressed-events.h5
 
 A killed run continues when the same command is given again. Options of the Newton steps of its quenches have the
 prefix -newton_."""
