@@ -71,6 +71,8 @@ class EventShear(FollowedMinimum):
     def _advance_to(self, target):
         """Through all events before a strain. Raises CameApart and ConvergenceError."""
         for _ in range(MAX_EVENTS):
+            if self.direction * (target - self.present_strain) <= 0.0:  # after a quench just before
+                break
             if self._is_stale(FOLD_RATIO * self.offsets, FOLD_RATIO * self.shear):
                 self.fold()
                 self._settle([])
@@ -108,7 +110,7 @@ class EventShear(FollowedMinimum):
             self._quench_on(before, 0.0, UNSTABLE if arrival.cause == SYMMETRY else HIDDEN)
 
     def _quench_on(self, before, lowest, kind=HIDDEN):
-        """An event that cannot be followed: disks are sheared on by QUENCH_STRAIN and quenched."""
+        """An event that cannot be followed: disks are strained on by QUENCH_STRAIN and quenched."""
         start = self.disks
         self.shear += self.direction * QUENCH_STRAIN
         self._land(start, self._quench(self.disks, MAX_SHAKES), before, lowest, kind)
@@ -125,8 +127,11 @@ class EventShear(FollowedMinimum):
         if not is_definite:
             self._fall(branch.opening(self._opened), measures, lowest)
             return
-        after = self._measures()
         changed = np.flatnonzero((before != OPEN_PAIR) != (branch.active != OPEN_PAIR))
+        if not len(changed):  # rates at δ = 0 say that contacts stay which Newton's method loses
+            self._quench_on(measures, lowest)
+            return
+        after = self._measures()
         events = [(self._kind(before[pair], branch.active[pair]), self._ends(pair)) for pair in changed]
         for kind, ends in sorted(events):  # of one strain, in an order that the list does not decide
             self.events.record(self.present_strain, kind, ends, measures, after, lowest)
