@@ -5,7 +5,7 @@
 
 For each family of packings (disks, spheres, crystals, sizes 1:10, potentials) and seed: the packing is strained by the
 load, simple shear if none is given, to and fro by `EventShear`. At each row the Hessian of the disks as they are is
-built anew and its eigenvalues are computed, dense; forces must vanish, and ∫ V σ dγ − ΔU − Σ drops, by the trapezium
+built again and its eigenvalues are computed, dense; forces must vanish, and ∫ V σ dγ − ΔU − Σ drops, by the trapezium
 rule between rows and events. A line for each family: packings, those that came apart, events by kind, the lowest
 eigenvalue, the largest error of the energy balance, and whatever else stopped a run.
 

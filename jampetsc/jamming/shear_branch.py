@@ -242,12 +242,12 @@ class ShearBranch:
         By Lanczos' method on K⁻¹ from `start` (N, D), to MODE_TOLERANCE of the mode.
         """
         shape, basis, images = start.shape, [], []
-        vector, work = self._held(start), np.empty_like(start)
+        vector, work = self._of_backbone(start), np.empty_like(start)
         for _ in range(MAX_MODE_STEPS):
             basis.append(vector.ravel() / np.linalg.norm(vector))
             image = np.empty_like(start)
             ldl.solve(self.factor, basis[-1].reshape(shape), image, work)
-            images.append(self._held(image).ravel())
+            images.append(self._of_backbone(image).ravel())
             rows = np.array(basis)
             values, shares = np.linalg.eigh(rows @ np.array(images).T)
             rest = images[-1] - rows.T @ (rows @ images[-1])
@@ -258,11 +258,11 @@ class ShearBranch:
         mode = (shares[:, -1] @ rows).reshape(shape)
         return 1.0 / values[-1] - self.stiffness * MIN_CURVATURE, mode
 
-    def _held(self, moves):
-        """Moves (N, D) of held disks without their mean; the others zero."""
-        held = np.where(self.loose[:, None], 0.0, moves)
-        remove_drift(self.loose, held)
-        return held
+    def _of_backbone(self, moves):
+        """Moves (N, D) of the backbone without their mean; of loose disks zero."""
+        result = np.where(self.loose[:, None], 0.0, moves)
+        remove_drift(self.loose, result)
+        return result
 
     def carry(self, old: "ShearBranch"):
         """Take over the contacts of a branch on an earlier list of the same disks, at its last point."""

@@ -216,13 +216,13 @@ def respond(pairs, active, blocks, shift, factor, mode, weight, b, x, tolerance)
 
 @compiled(NUMBERS, forceinline=True)
 def remove_drift(loose, x):
-    """Take the mean of the disks that are held out of their moves x (N, D), where rounding over the shift of K puts it.
+    """Take the mean of the backbone out of its moves x (N, D), where rounding over the shift of K puts it.
 
     Loose disks would be left behind.
     """
-    held = 0
+    count = 0
     for k in range(len(x)):
-        held += not loose[k]
+        count += not loose[k]
     for a in range(x.shape[1]):
         total = 0.0
         for k in range(len(x)):
@@ -230,7 +230,7 @@ def remove_drift(loose, x):
                 total += x[k, a]
         for k in range(len(x)):
             if not loose[k]:
-                x[k, a] -= total / held
+                x[k, a] -= total / count
 
 
 @compiled(NUMBERS)

@@ -68,5 +68,5 @@ def plot_rearrangement(results, page, height=None):
 
 
 def _colours():
-    """Pale to dark, monotonic in grey scale; white where there is no value."""
+    """Pale to dark, monotonic in grey scale; white for particles without neighbours."""
     return matplotlib.colormaps["magma_r"].with_extremes(bad="white")

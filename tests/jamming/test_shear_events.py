@@ -340,11 +340,11 @@ def test_a_load_and_its_reversal_below_the_first_instability_is_the_identity(loa
         rows = np.count_nonzero(np.abs(result["strain"]) < np.abs(np.append(unstable, np.inf)).min())
         steps = {"step": STEP, "events": True, "discard": 0.0}
         strain = result["strain"][rows - 1]
-        there = jampetsc.shear(packing, strain=strain, load=path.load, **steps)
+        forward = jampetsc.shear(packing, strain=strain, load=path.load, **steps)
         E = path.load.gradient @ np.linalg.inv(np.eye(packing.dimension) + strain * path.load.gradient)
-        back = jampetsc.shear(there.last, strain=-strain, load=E, **steps)
+        back = jampetsc.shear(forward.last, strain=-strain, load=E, **steps)
         assert back["energy"][-1] == pytest.approx(packing.record["energy"], rel=1e-10)
-        forth, return_ = (run["events/strain"][run["events/kind"] <= CLOSES] for run in (there, back))
+        forth, return_ = (run["events/strain"][run["events/kind"] <= CLOSES] for run in (forward, back))
         np.testing.assert_allclose(strain + return_[::-1], forth, rtol=0, atol=1e-12)
 
 
@@ -381,7 +381,8 @@ def test_both_descents_end_in_minima_of_less_energy(runs, descent):
 
 def test_a_killed_run_continues_to_the_last_bit(runs, tmp_path, monkeypatch):
     packing, _ = runs["disks"]
-    job = {"start": packing, "step": 1e-3, "strain": 0.055, "events": True, "d2min": True, "discard": 0.0}
+    job = {"start": packing, "step": 1e-3, "strain": -0.055, "load": "pure-xy", "events": True, "d2min": True}
+    job["discard"] = 0.0
     whole = jampetsc.shear(**job, out=tmp_path / "whole.h5")
     left = stop_after(monkeypatch, 52)
     with pytest.raises(KeyboardInterrupt):
