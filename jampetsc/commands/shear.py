@@ -20,7 +20,8 @@ from jampetsc.options.starts import (
     random_particles_lines,
     run_parameter,
 )
-from jampetsc.packing.packing import PLACES
+from jampetsc.packing.packing import PLACES, deformed
+from jampetsc.packing.strain import strain_of, strained
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
@@ -124,8 +125,7 @@ prefix -newton_."""
     def work(self, to):
         from jampetsc.analysis.strain_series import StrainSeries, discarded_strain
         from jampetsc.commands.run_files import run_provenance, run_units, save_rows, saved_rows, write_series
-        from jampetsc.jamming.shear_events import EventShear
-        from jampetsc.jamming.stepwise_shear import PATH_COLUMNS, StepwiseShear, shear_stepwise
+        from jampetsc.jamming.stepwise_shear import PATH_COLUMNS, shear_stepwise
         from jampetsc.minimisation.minimise import proved
         from jampetsc.petsc.hessian_solver import HessianSolver
 
@@ -136,11 +136,7 @@ prefix -newton_."""
                 "by a study."
             )
         (disks, origin), solver, start_time = self.disks(), HessianSolver(), time.perf_counter()
-        steps, start = self._steps, StepwiseShear
-        if self.events:
-            settings = self._event_settings
-            (load,) = settings["load"].of(disks.dimension)
-            start = partial(EventShear, descent=settings["descent"], load=load)
+        steps = self._steps
         discard = discarded_strain(abs(self.strain), self.discard)
         checkpoint = to.checkpoint()
         resume, rows = saved_rows(checkpoint), 0
@@ -165,7 +161,7 @@ prefix -newton_."""
                 self.tolerance,
                 discard=discard,
                 team=self.team,
-                start=start,
+                start=self._start(disks),
                 resume=resume,
                 save=lambda series, state: save_rows(checkpoint, series.arrays(), state),
                 report=report,
@@ -181,6 +177,24 @@ prefix -newton_."""
         checkpoint.remove()
         lines = [_summary(self, to, disks.phi, path), *random_particles_lines(origin), run_units(disks)]
         return "\n".join([*lines, *note_lines(notes)])
+
+    def _start(self, disks):
+        """What makes the `StepwiseShear` of these disks. Raises InputError for a load that their cell does not take."""
+        from jampetsc.jamming.shear_events import EventShear
+        from jampetsc.jamming.stepwise_shear import StepwiseShear
+
+        if not self.events:
+            return StepwiseShear
+        settings = self._event_settings
+        (load,) = settings["load"].of(disks.dimension)
+        end = strained(strain_of(load.gradient), self._steps * self._signed_step)
+        period, diameter = deformed(disks, 0.0, end).period, 2.0 * float(disks.radii.max())
+        if period < diameter:
+            raise InputError(
+                f"{named('strain')} {self.strain:g}: makes the cell repeat at a distance of {period:.6g} (largest "
+                f"particle {diameter:.6g}). Give a smaller one, or more particles."
+            )
+        return partial(EventShear, descent=settings["descent"], load=load)
 
     def _notes(self, path) -> list[str]:
         from jampetsc.analysis.strain_series import short_run_warnings
