@@ -1,13 +1,13 @@
 """Events of quasistatic shear of many random packings: none may follow a saddle, and work must be stored or dissipated.
 
-    .venv/bin/python benchmarks/shear_events.py [--seeds 1:20] [--rows 30]
+    .venv/bin/python benchmarks/shear_events.py [--seeds 1:20] [--rows 30] [--load compression]
     .venv/bin/python benchmarks/shear_events.py --speed 1024:1e-3:1e-4:30
 
-For each family of packings (disks, spheres, crystals, sizes 1:10, potentials) and seed: the packing is sheared to and
-fro by `EventShear`. At each row the Hessian of the disks as they are is built anew and its eigenvalues are computed,
-dense; forces must vanish, and ∫ V σ dγ − ΔU − Σ drops, by the trapezium rule between rows and events. A line for each
-family: packings, those that came apart, events by kind, the lowest eigenvalue, the largest error of the energy
-balance, and whatever else stopped a run.
+For each family of packings (disks, spheres, crystals, sizes 1:10, potentials) and seed: the packing is strained by the
+load, simple shear if none is given, to and fro by `EventShear`. At each row the Hessian of the disks as they are is
+built again and its eigenvalues are computed, dense; forces must vanish, and ∫ V σ dγ − ΔU − Σ drops, by the trapezium
+rule between rows and events. A line for each family: packings, those that came apart, events by kind, the lowest
+eigenvalue, the largest error of the energy balance, and whatever else stopped a run.
 
 With --speed N:p:step:rows events per second, beside stepwise shear of the same packing with the same step.
 """
@@ -26,6 +26,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.jamming.event_table import UNSTABLE
 from jampetsc.jamming.shear_events import EventShear
 from jampetsc.jamming.stepwise_shear import StepwiseShear
+from jampetsc.laws.loads import DEFAULT, LoadChoice
 from jampetsc.packing.contacts import measure
 from jampetsc.petsc import session
 from jampetsc.petsc.hessian_solver import HessianSolver
@@ -65,18 +66,18 @@ def balance(shear, strains, stresses, energies):
     stress = np.concatenate((stresses, events["shear_stress"].ravel()))
     order = np.argsort(shear.direction * strain, kind="stable")
     strain, stress = strain[order], stress[order]
-    work = shear.volume * float(np.diff(strain) @ (0.5 * (stress[1:] + stress[:-1])))
-    unit = shear.volume * np.abs(stress).max() * np.abs(strain).max()
+    work = shear.first_volume * float(np.diff(strain) @ (0.5 * (stress[1:] + stress[:-1])))
+    unit = shear.first_volume * np.abs(stress).max() * np.abs(strain).max()
     return abs(work - (energies[-1] - energies[0]) - events["drop"].sum()) / unit
 
 
-def shear_to_and_fro(packing, step, rows):
+def shear_to_and_fro(packing, step, rows, load):
     """(events by kind, lowest eigenvalue, largest force, error of the balance, words of what stopped the run)."""
     kinds, lowest, force, worst = Counter(), 0.0, 0.0, 0.0
     for direction in (step, -step):
-        shear = EventShear(packing, direction, HessianSolver(), TOLERANCE)
+        shear = EventShear(packing, direction, HessianSolver(), TOLERANCE, load=load)
         state = measure(shear.disks)
-        table = [(0.0, state.stress[0, 1], state.energy)]
+        table = [(0.0, np.sum(state.stress * load.gradient), state.energy)]
         stopped = ""
         try:
             for _ in range(rows):
@@ -96,13 +97,13 @@ def shear_to_and_fro(packing, step, rows):
     return kinds, lowest, force, worst, stopped
 
 
-def check_families(seeds, rows):
-    """A line for each family."""
+def check_families(seeds, rows, choice):
+    """A line for each family; choice: a `LoadChoice`."""
     for name, (settings, step) in FAMILIES.items():
         kinds, lowest, force, worst, apart, stopped = Counter(), 0.0, 0.0, 0.0, 0, []
         for seed in seeds:
             packing = jampetsc.pack(**settings, seed=seed)
-            *found, words = shear_to_and_fro(packing, step, rows)
+            *found, words = shear_to_and_fro(packing, step, rows, choice.of(packing.dimension)[0])
             kinds += found[0]
             lowest, force, worst = min(lowest, found[1]), max(force, found[2]), max(worst, found[3])
             if "come apart" in words:
@@ -149,6 +150,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--seeds", type=common.both_included, default=range(1, 21), metavar="A:B")
     parser.add_argument("--rows", type=int, default=30)
+    parser.add_argument("--load", type=LoadChoice, default=LoadChoice(DEFAULT))
     parser.add_argument("--speed", metavar="N:P:STEP:ROWS")
     parser.add_argument("--descent", choices=DESCENTS, default=DESCENTS[0], help="of --speed")
     args = parser.parse_args()
@@ -158,7 +160,7 @@ def main():
         n, pressure, step, rows = args.speed.split(":")
         measure_speed(int(n), pressure, float(step), int(rows), args.descent)
     else:
-        check_families(args.seeds, args.rows)
+        check_families(args.seeds, args.rows, args.load)
 
 
 if __name__ == "__main__":

@@ -1031,6 +1031,7 @@ def shear(
     events: bool = False,
     d2min: bool = False,
     descent: Literal["steepest", "lbfgs"] | None = None,
+    load: Any = None,
     tolerance: float = 1e-06,
     out: _Path | None = None,
     checkpoint: _Path | None = None,
@@ -1073,13 +1074,15 @@ def shear(
     step : number
         strain of one step
     strain : number
-        how far to shear; negative (the other way) with events alone
+        how far to shear, γ; negative (the other way) with events alone
     events : bool, default False
         follow each minimum exactly from event to event: contacts that open or close, instabilities
     d2min : bool, default False
-        with events, D²min of each particle in the largest drop of the energy
+        with events, displacement and D²min of each particle in the largest drop of the energy
     descent : "steepest" or "lbfgs", default None
         with events, way down from an instability: steepest descent, which overdamped particles take, or L-BFGS (default steepest)
+    load : str, array (D, D) or one of `jampetsc.loads`, default None
+        with events, load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); with zeros below its diagonal. The cell becomes 1 + γE (default xy)
     tolerance : number, default 1e-06
         largest max|F|/(p d), in three dimensions max|F|/(p d²), of a minimum
     out : name of a file, default None

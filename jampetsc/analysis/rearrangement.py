@@ -12,10 +12,12 @@ def participation(displacement) -> float:
 
 
 def least_square_deviation(i, j, r, displacement):
-    """D²min (N,) of particles with displacements (N, D): min over J of the mean of |u_j − u_i − J r|² over neighbours.
+    """D²min (N,) of particles with displacements (N, D), in their unit squared.
+
+        D²min_i = min over J of the mean over neighbours j of |u_j − u_i − J r_ij|²
 
     i, j (M,) and r (M, D) = x_j − x_i before: all pairs of neighbours, each once (Falk & Langer, PRE 57, 7192 (1998),
-    eq. 2.11). Where neighbours do not determine J, it is the smallest one; nan without neighbours.
+    eq. 2.11, who take the sum). Where neighbours do not determine J, it is the smallest one; nan without neighbours.
     """
     n, dimension = displacement.shape
     change = displacement[j] - displacement[i]

@@ -7,10 +7,10 @@ import numpy as np
 
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines
-from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, LoadChoice
+from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, LoadChoice
 from jampetsc.options.job import ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
-from jampetsc.options.physics_options import PackingJob, load_parameter
+from jampetsc.options.physics_options import PackingJob, check_finite_strain, load_parameter
 from jampetsc.options.values import POSITIVE, Numbers, number_list
 
 MIN_STRAIN, MAX_STRAIN = 1e-9, 1.0  # smaller strains give forces of few correct digits
@@ -69,7 +69,7 @@ A killed run continues when the same command is given again."""
             raise InputError(
                 f"exponent {self.law.exponent:g} of {self.law}: not supported by relax. Give a linear law."
             )
-        self._check_load()
+        check_finite_strain(self.load, self.strain[-1], "relax")
         if self.times is not None:
             for end in self.times[[0, -1]]:
                 if not MIN_TIME * self.law.tau1 <= end <= MAX_TIME * self.law.tau1:
@@ -77,26 +77,6 @@ A killed run continues when the same command is given again."""
                         f"{named('times')} {end:g}: must lie between {MIN_TIME * self.law.tau1:g} and "
                         f"{MAX_TIME * self.law.tau1:g}, {MIN_TIME:g} and {MAX_TIME:g} {named('tau1')}"
                     )
-
-    def _check_load(self):
-        """Refuse loads that would turn the first axis of the cell, and those that leave it no volume."""
-        if self.load.is_tensor:
-            raise InputError(
-                f"{named('load')} {TENSOR}: not supported, relaxation at finite strain is not linear. Give a single "
-                f"{named('load')}."
-            )
-        for load in self.load.by_dimension().values():
-            E = load.gradient
-            if np.tril(E, -1).any():
-                raise InputError(
-                    f"{named('load')} {self.load}: not supported by relax, as it turns the axes of the cell. Give a "
-                    "gradient with zeros below its diagonal, such as xy."
-                )
-            if not (1.0 + self.strain[-1] * np.diag(E) > 0.0).all():
-                raise InputError(
-                    f"{named('strain')} {self.strain[-1]:g}: leaves the cell no volume under {named('load')} "
-                    f"{self.load}. Give a smaller one."
-                )
 
     @property
     def measured_times(self):

@@ -10,15 +10,18 @@ import numpy as np
 from jampetsc.analysis.jammed_samples import correlated_share
 from jampetsc.errors import InputError, named
 from jampetsc.io.results import note_lines, noted
+from jampetsc.laws.loads import DEFAULT, LoadChoice
 from jampetsc.options.job import PACKING_OR_N, TaskInputs
 from jampetsc.options.parameters import parameter
+from jampetsc.options.physics_options import LOAD, LOAD_NAMES, check_finite_strain
 from jampetsc.options.starts import (
     ShearJob,
     minimum_tolerance_parameter,
     random_particles_lines,
     run_parameter,
 )
-from jampetsc.packing.packing import PLACES
+from jampetsc.packing.packing import PLACES, deformed
+from jampetsc.packing.strain import strain_of, strained
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
@@ -42,6 +45,7 @@ class Shear(ShearJob):
   jampetsc shear p.h5 --step 1e-3 --strain 1 --out from-p.h5
   jampetsc shear p.h5 --events --step 1e-3 --strain 0.01 --last there.h5 --out there-events.h5
   jampetsc shear there.h5 --events --step 1e-3 --strain -0.01 --out back.h5
+  jampetsc shear p.h5 --events --step 1e-3 --strain -0.01 --load compression --out compressed-events.h5
 
 A killed run continues when the same command is given again. Options of the Newton steps of its quenches have the
 prefix -newton_."""
@@ -49,7 +53,7 @@ prefix -newton_."""
 
     step: float = parameter(help="strain of one step", above=0.0, high=0.1, metavar="DG")
     strain: float = parameter(
-        help="how far to shear; negative (the other way) with events alone",
+        help="how far to shear, γ; negative (the other way) with events alone",
         low=-MAX_STRAIN,
         high=MAX_STRAIN,
         metavar="S",
@@ -60,12 +64,18 @@ prefix -newton_."""
         group="run",
     )
     d2min: bool = parameter(
-        False, "with events, D²min of each particle in the largest drop of the energy", group="run"
+        False,
+        "with events, displacement and D²min of each particle in the largest drop of the energy",
+        group="run",
     )
     descent: str | None = run_parameter(
         "with events, way down from an instability: steepest descent, which overdamped particles take, or L-BFGS "
         "(default steepest)",
         choices=DESCENTS,
+    )
+    load: LoadChoice | None = run_parameter(
+        f"with events, {LOAD_NAMES}; with zeros below its diagonal. The cell becomes 1 + γE (default {DEFAULT})",
+        value_type=LOAD,
     )
     tolerance: float = minimum_tolerance_parameter(group="run")
 
@@ -77,7 +87,7 @@ prefix -newton_."""
             raise InputError(
                 f"{named('strain')} {self.strain:g}: must be at least {named('step')} ({self.step:g})"
             )
-        for name in ("descent", "d2min"):
+        for name in ("descent", "d2min", "load"):
             if getattr(self, name) and not self.events:
                 raise InputError(f"{named(name)}: of {named('events')} alone. Leave it out, or give both.")
         if abs(self.strain) / self.step > MAX_STEPS:
@@ -85,25 +95,37 @@ prefix -newton_."""
                 f"{named('step')} {self.step:g}: {abs(self.strain) / self.step:.3g} steps (at most {MAX_STEPS:.0e}). "
                 "Give a larger one."
             )
+        if self.load:
+            check_finite_strain(self.load, self._signed_step * self._steps, "shear")
 
     @property
     def implied(self):
         """See `Job`."""
-        return super().implied | ({"descent": DEFAULT_DESCENT} if self.events else {})
+        defaults = {"descent": DEFAULT_DESCENT, "load": LoadChoice(DEFAULT)}
+        return super().implied | (defaults if self.events else {})
 
     @property
-    def _descent(self) -> str:
-        return self.descent or DEFAULT_DESCENT
+    def _event_settings(self) -> dict:
+        """Attributes of a run that follows events."""
+        return {"descent": self.descent or DEFAULT_DESCENT, "load": self.load or LoadChoice(DEFAULT)}
+
+    @property
+    def _steps(self) -> int:
+        return max(1, int(np.ceil(abs(self.strain) / self.step - 1e-9)))
+
+    @property
+    def _signed_step(self) -> float:
+        return float(np.copysign(self.step, self.strain))
 
     def protocol(self, attributes):
         events = ", every event followed" if self.events else ""
-        return f"quasistatic shear, steps of {attributes['step']:g}{events}"
+        kind = f"strain {self.load}" if self.load else "shear"
+        return f"quasistatic {kind}, steps of {attributes['step']:g}{events}"
 
     def work(self, to):
         from jampetsc.analysis.strain_series import StrainSeries, discarded_strain
         from jampetsc.commands.run_files import run_provenance, run_units, save_rows, saved_rows, write_series
-        from jampetsc.jamming.shear_events import EventShear
-        from jampetsc.jamming.stepwise_shear import PATH_COLUMNS, StepwiseShear, shear_stepwise
+        from jampetsc.jamming.stepwise_shear import PATH_COLUMNS, shear_stepwise
         from jampetsc.minimisation.minimise import proved
         from jampetsc.petsc.hessian_solver import HessianSolver
 
@@ -114,7 +136,7 @@ prefix -newton_."""
                 "by a study."
             )
         (disks, origin), solver, start_time = self.disks(), HessianSolver(), time.perf_counter()
-        steps = max(1, int(np.ceil(abs(self.strain) / self.step - 1e-9)))
+        steps = self._steps
         discard = discarded_strain(abs(self.strain), self.discard)
         checkpoint = to.checkpoint()
         resume, rows = saved_rows(checkpoint), 0
@@ -133,15 +155,13 @@ prefix -newton_."""
                 progress.note(f"{to}: continues from strain {series.strain:.6g}")
             path = shear_stepwise(
                 disks,
-                float(np.copysign(self.step, self.strain)),
+                self._signed_step,
                 steps,
                 solver,
                 self.tolerance,
                 discard=discard,
                 team=self.team,
-                start=partial(EventShear, descent=self.descent or self.implied["descent"])
-                if self.events
-                else StepwiseShear,
+                start=self._start(disks),
                 resume=resume,
                 save=lambda series, state: save_rows(checkpoint, series.arrays(), state),
                 report=report,
@@ -157,6 +177,24 @@ prefix -newton_."""
         checkpoint.remove()
         lines = [_summary(self, to, disks.phi, path), *random_particles_lines(origin), run_units(disks)]
         return "\n".join([*lines, *note_lines(notes)])
+
+    def _start(self, disks):
+        """What makes the `StepwiseShear` of these disks. Raises InputError for a load that their cell does not take."""
+        from jampetsc.jamming.shear_events import EventShear
+        from jampetsc.jamming.stepwise_shear import StepwiseShear
+
+        if not self.events:
+            return StepwiseShear
+        settings = self._event_settings
+        (load,) = settings["load"].of(disks.dimension)
+        end = strained(strain_of(load.gradient), self._steps * self._signed_step)
+        period, diameter = deformed(disks, 0.0, end).period, 2.0 * float(disks.radii.max())
+        if period < diameter:
+            raise InputError(
+                f"{named('strain')} {self.strain:g}: makes the cell repeat at a distance of {period:.6g} (largest "
+                f"particle {diameter:.6g}). Give a smaller one, or more particles."
+            )
+        return partial(EventShear, descent=settings["descent"], load=load)
 
     def _notes(self, path) -> list[str]:
         from jampetsc.analysis.strain_series import short_run_warnings
@@ -190,7 +228,7 @@ prefix -newton_."""
             "newton_steps": path.effort.newton_steps,
             "saddles": path.effort.saddles,
             "shakes": path.effort.shakes,
-            **({"descent": self._descent} if self.events else {}),
+            **(self._event_settings if self.events else {}),
             **({} if path.came_apart is None else {"came_apart": path.came_apart}),
             **average_facts(**path.averages),
         }
@@ -202,8 +240,9 @@ def _event_arrays(path, d2min) -> dict:
         return {}
     columns = path.events.arrays()
     columns |= {name: columns[name].astype(int) for name in ("kind", "particles", "contacts")}
-    if d2min and path.largest_drop["event"] >= 0:
-        columns |= {"largest": path.largest_drop["event"], "d2min": path.largest_drop["d2min"]}
+    if d2min and (largest := path.events.largest)["row"] >= 0:
+        columns |= {"largest": int(largest["row"])}
+        columns |= {name: largest[name] for name in ("positions", "cell", "displacement", "d2min")}
     return {f"events/{name}": values for name, values in columns.items()}
 
 

@@ -8,7 +8,8 @@ SHEAR = Format(
     datasets=r"""
 strain | (T,) | float | | γ
 energy | (T,) | float | `units` | U of all disks
-shear_stress, pressure | (T,) | float | `units` | σ_xy, p
+shear_stress, pressure | (T,) | float | `units` | σ_xy, p; under another `load` σ = V⁻¹ dU/dγ, V the volume before any
+  strain
 jammed | (T,) | float | | 1 where U/N exceeds `energy_cut` k, else 0
 contact_number | (T,) | float | | 2N_c/N of all N disks, rattlers included; `coordination` leaves them out
 nonaffine | (T,) | float | mean diameter | rms non-affine displacement of the step: large where disks rearrange
@@ -24,15 +25,18 @@ events/kind | (e,) | int? | | 0: a contact opens, 1: closes, 2: the minimum is l
   contact without force, of a particle that nothing holds, begins and ends, 5: an event that rounding hides, after which
   disks are quenched 1e-6 of strain further
 events/particles | (e, 2) | int? | | numbers of the two particles of the contact; of kind 2 those that move farthest
-events/shear_stress, events/pressure, events/energy | (e, 2) | float? | `units` | σ_xy, p and U before and after it
+events/shear_stress, events/pressure, events/energy | (e, 2) | float? | `units` | σ, p and U before and after it
 events/contacts | (e, 2) | int? | | contacts that bear a force before and after it
 events/drop | (e,) | float? | `units` | energy that is dissipated
 events/participation | (e,) | float? | | (Σu²)²/Σu⁴ of the displacements of kind 2, how many particles move; else 0
 events/largest | scalar | int? | | with `--d2min`: row of the largest drop
-events/d2min | (N,) | float? | length² | with `--d2min`: D²min of the particles in it; neighbours have a gap below
-  half a mean diameter; nan without them
-events/lowest_eigenvalue | (e,) | float? | `units` | of K before it, rattlers and translations left out: an upper
-  bound, 0 where it vanishes
+events/positions, events/displacement | (N, D) | float? | length | with `--d2min`: of the particles before it, and to
+  the minimum after it, without the mean
+events/cell | (D, D) | float? | length | with `--d2min`: rows of the cell at it
+events/d2min | (N,) | float? | length² | with `--d2min`: D²min of the particles in it, the mean of \|u_j − u_i − J r\|²
+  over neighbours with a gap below half a mean diameter, at the best J; nan without neighbours
+events/lowest_eigenvalue | (e,) | float? | `units` | lowest one of K before it, rattlers and translations
+  left out; 0 where it vanishes
 state/base, state/offset | (N, D) | float | length | the last minimum, coordinates in two parts
 state/cell_base, state/cell_offset | (D, D) | float | length | its cell in two parts
 state/radii | (N,) | float | length | radii of the disks

@@ -39,9 +39,9 @@ class Arrival:
     mode: np.ndarray | None = None  # (N, D) of TURN: where K is singular
 
 
-def rate_limit(motion, strain_rate: float) -> float:
-    """Rates of overlaps below which they do not change."""
-    return RATE_TOLERANCE * (abs(strain_rate) + float(np.abs(motion).max()))
+def rate_limit(motion, strain_rate: float, diameter: float) -> float:
+    """Rates of overlaps below which they do not change; diameter: the unit of length."""
+    return RATE_TOLERANCE * (diameter * abs(strain_rate) + float(np.abs(motion).max()))
 
 
 class BranchFollower:
@@ -59,16 +59,8 @@ class BranchFollower:
         self._passed = np.zeros_like(start.moved)  # moves before t = 0 of the present parameter
 
     def follow(self) -> Arrival:
-        """To the first event.
-
-        K is proved definite there unless a contact opens or bears no force: K is then larger than after the change.
-        """
+        """To the first event, where K is proved definite, or to where it becomes singular before."""
         arrival = self._follow(self.start, None, np.inf)
-        closes = arrival.cause == CONTACT and self.branch.can_bear(arrival.pair)
-        return arrival if arrival.cause != TARGET and not closes else self.confirm(arrival)
-
-    def confirm(self, arrival) -> Arrival:
-        """The same arrival if K is definite there, else where it becomes singular."""
         if arrival.cause in (TURN, SYMMETRY, LOST) or self._is_definite(arrival.state):
             return arrival
         self._passed = np.zeros_like(self._passed)
@@ -154,7 +146,7 @@ class BranchFollower:
 
     def _first_root(self, here, other, mode):
         """(dt, cause, pair) of the first root that is predicted from `here`; other: an earlier or later point."""
-        rates, limit = here.slack_rates, rate_limit(here.motion, here.strain_rate)
+        rates, limit = here.slack_rates, rate_limit(here.motion, here.strain_rate, self.diameter)
         ahead = self.direction * (self.goal - here.shear)
         speed = self.direction * here.strain_rate
         best = (ahead / speed, TARGET, -1) if speed > 0.0 or ahead < 0.0 else (np.inf, TARGET, -1)
@@ -179,7 +171,7 @@ class BranchFollower:
         return best
 
     def _is_violated(self, state, mode) -> bool:
-        changing, limit = self._can_change, rate_limit(state.motion, state.strain_rate)
+        changing, limit = self._can_change, rate_limit(state.motion, state.strain_rate, self.diameter)
         past = self.direction * (state.shear - self.goal)
         slacks, rates = state.slacks[changing], state.slack_rates[changing]
         crossed = (rates < -limit) & (slacks * abs(state.strain_rate) < STRAIN_TOLERANCE * rates)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from jampetsc.minimisation.overdamped import OverdampedDescent
-from jampetsc.minimisation.warm_start import displace_disks_by
 from jampetsc.packing.contacts import measure, typical_force
+from jampetsc.packing.neighbours import fractional, vectors
 
 DESCENT_TOLERANCE = 1e-8  # max |F| / (p d^(D−1)) of a descent, before Newton's method
 PUSH_RATIO, MAX_PUSH_RATIO = 1e-4, 4.0  # of a usual overlap: first and last push along the mode
@@ -33,7 +33,7 @@ def pushed_offsets(branch, disks, offsets, shear, pressure, floor, mode):
     size = PUSH_RATIO * overlap
     while size < MAX_PUSH_RATIO * overlap:
         trial = offsets.copy()
-        displace_disks_by(trial, np.zeros_like(trial), size * unit, shear, branch.pairs.r0)
+        branch.displace(trial, np.zeros_like(trial), size * unit, shear)
         branch.evaluate(trial, shear)
         if np.sum(branch.point[4] * backbone) > least:
             return trial
@@ -48,3 +48,9 @@ def descend_steepest(disks, solver, stiffness, separated_pressure, effort):
     result = descent.relax(DESCENT_TOLERANCE, separated_pressure)
     effort.evaluations += descent.evaluations
     return result.folded()
+
+
+def displacement_between(disks, later):
+    """Displacements (N, D) between two states of disks in one cell, to the nearest image."""
+    displacement = (later.base - disks.base) + (later.offset - disks.offset)
+    return displacement - vectors(np.round(fractional(displacement, disks.cell)), disks.cell)

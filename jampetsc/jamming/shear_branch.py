@@ -1,4 +1,4 @@
-"""A branch of minima under shear: positions x(γ) at rest while the same particles touch, with tangent and proof."""
+"""A branch of minima under a load: positions x(γ) at rest while the same particles touch, with tangent and proof."""
 
 from dataclasses import dataclass
 
@@ -16,28 +16,30 @@ from jampetsc.minimisation.contact_branch import (
     factor_of_branch,
     overlap_rates,
     push_loose,
+    remove_drift,
     respond,
 )
 from jampetsc.minimisation.warm_start import MIN_CURVATURE, displace_disks_by
-from jampetsc.packing.contacts import both_ends, find_rattlers
+from jampetsc.packing.contacts import both_ends, find_rattlers, pair_keys
+from jampetsc.packing.strain import strained
 
 # of the stiffness of a contact: what holds loose disks, so that a contact moves them along its normal; in a factor
 HOLD_RATIO, FACTOR_HOLD_RATIO = 1e-6, 1e-3
 PIN_RATIO = 1e12  # of it: what holds the other disks while loose ones move
 TANGENT_TOLERANCE = 1e-10  # of the linear solve, relative
-MODE_STEPS = 1  # of inverse iteration at each event, for the lowest eigenvalue
+MODE_TOLERANCE, MAX_MODE_STEPS = 1e-4, 60  # of the lowest mode
 
 
 @dataclass(frozen=True, eq=False)
 class BranchState:
     """A point of the branch: where disks are, and how they move on.
 
-    The parameter t of the branch is the strain, counted in the direction of the shear, or s = φ · x of a mode φ.
+    The parameter t of the branch is the strain, counted in the direction of the path, or s = φ · x of a mode φ.
     """
 
     t: float
     offsets: np.ndarray  # (N, D)
-    shear: float  # since the list
+    shear: float  # amplitude of the load since the list
     moved: np.ndarray  # (N, D) in the laboratory, since t = 0
     slacks: (
         np.ndarray
@@ -52,14 +54,21 @@ class ShearBranch:
     """Contacts `active` (M,) of the pairs of a list, which stay the same, and the factor of their K.
 
     n           number of disks
+    gradient    of the load, by distances of the list, a `Strain`
     potential   `Potential.constants`
     stiffness   of a usual contact
     order       of elimination
     effort      counts evaluations and factorisations
     """
 
-    def __init__(self, pairs, n: int, potential, stiffness: float, order, effort):
-        self.pairs, self.n, self.potential, self.stiffness = pairs, n, potential, stiffness
+    def __init__(self, pairs, n: int, gradient, potential, stiffness: float, order, effort):
+        self.pairs, self.n, self.gradient, self.potential, self.stiffness = (
+            pairs,
+            n,
+            gradient,
+            potential,
+            stiffness,
+        )
         self.order, self.effort = order, effort
         self.dimension = len(pairs.r0)
         self.active = np.zeros(len(pairs.i), np.int8)
@@ -101,11 +110,12 @@ class ShearBranch:
         self.bearing[self.bearing == STARTING] = BEARING
 
     def evaluate(self, offsets, shear: float):
-        """(U, σ_xy V, p D V) of the contacts; `point` has all the rest."""
+        """(U, dU/dγ, p D V) of the contacts; `point` has all the rest."""
         self.effort.evaluations += 1
         self.sums = evaluate(
-            self.pairs, self.active, self.loose, offsets, shear, self.potential, self.stiffness, self.point
-        )
+            self.pairs, self.active, self.loose, offsets, shear, self.gradient, self.potential, self.stiffness,
+            self.point,
+        )  # fmt: skip
         return self.sums
 
     def factorise(self) -> bool:
@@ -123,7 +133,10 @@ class ShearBranch:
             self.pairs, self.bearing, self.point[2], self.shift, self.factor, mode, self.stiffness,
             np.where(self.loose[:, None], 0.0, right), start, TANGENT_TOLERANCE,
         )  # fmt: skip
-        return None if steps < 0 else start
+        if steps < 0:
+            return None
+        remove_drift(self.loose, start)
+        return start
 
     @property
     def _loose_system(self):
@@ -164,6 +177,10 @@ class ShearBranch:
         rate = (1.0 - self.stiffness * np.sum(mode * own)) / np.sum(mode * motion)
         return self.with_loose(rate * motion + self.stiffness * own, rate), rate
 
+    def displace(self, offsets, moved, motion, shear: float):
+        """Add a motion (N, D) in the laboratory to offsets, and to `moved`."""
+        displace_disks_by(offsets, moved, motion, strained(self.gradient, shear), self.pairs.r0)
+
     def rates(self, motion, strain_rate: float):
         """dδ/dt (M,) of all pairs."""
         rates = np.empty(len(self.active))
@@ -180,24 +197,17 @@ class ShearBranch:
             slack_rates = self.signed(self.rates(*tangent))
         return BranchState(t, offsets, shear, moved, self.signed(self.overlaps), *tangent, slack_rates, span)
 
-    def can_bear(self, pair) -> bool:
-        """Whether a pair that does not touch would bear a force if it did."""
-        return bool(
-            self.active[pair] == OPEN_PAIR
-            and not (self.loose[self.pairs.i[pair]] or self.loose[self.pairs.j[pair]])
-        )
-
     def advance(self, start: BranchState, dt: float, mode=None, short: float = 0.0):
         """(offsets, shear, moved, length of the correction) after dt from a state; None where Newton's method fails."""
         offsets, moved = start.offsets.copy(), start.moved.copy()
-        displace_disks_by(offsets, moved, dt * start.motion, start.shear, self.pairs.r0)
+        self.displace(offsets, moved, dt * start.motion, start.shear)
         predicted = moved.copy()
         shear = start.shear + dt * start.strain_rate
         goal = start.t + dt if mode is not None else 0.0
         scalars = shear, self.stiffness, self.stiffness, goal, short
         success, shear, evaluations, self.sums = correct(
-            self.pairs, self.bearing, self.loose, self.potential, scalars, self.shift, self.factor,
-            self.no_mode if mode is None else mode, self.point, offsets, moved,
+            self.pairs, self.bearing, self.loose, self.gradient, self.potential, scalars, self.shift,
+            self.factor, self.no_mode if mode is None else mode, self.point, offsets, moved,
         )  # fmt: skip
         self.effort.evaluations += evaluations
         if success and self.weightless.any():
@@ -211,8 +221,8 @@ class ShearBranch:
         self.evaluate(offsets, shear)
         scalars = shear, self.stiffness, 0.0, 0.0, 0.0
         success, *_ = correct(
-            self.pairs, self.weightless, self.loose, self.potential, scalars, *self._loose_system, self.no_mode,
-            self.point, offsets, moved,
+            self.pairs, self.weightless, self.loose, self.gradient, self.potential, scalars,
+            *self._loose_system, self.no_mode, self.point, offsets, moved,
         )  # fmt: skip
         self.evaluate(offsets, shear)
         return success
@@ -227,24 +237,38 @@ class ShearBranch:
         return motion
 
     def lowest_mode(self, start):
-        """(an upper bound of the lowest eigenvalue of K, its mode (N, D)), by inverse iteration from `start`."""
-        backbone, mode, work = ~self.loose, start, np.empty_like(start)
-        value = np.inf
-        for _ in range(MODE_STEPS):
-            mode = np.where(backbone[:, None], mode, 0.0)
-            mode[backbone] -= mode[backbone].mean(axis=0)
-            mode /= np.sqrt(np.sum(mode * mode))
-            new = np.empty_like(mode)
-            ldl.solve(self.factor, mode, new, work)
-            square = np.sum(new * new)
-            value, mode = float(np.sum(new * mode) / square) - self.stiffness * MIN_CURVATURE, new
-        return value, mode / np.sqrt(np.sum(mode * mode))
+        """(lowest eigenvalue of K without loose disks and translations, its mode (N, D)), by the last factor.
+
+        By Lanczos' method on K⁻¹ from `start` (N, D), to MODE_TOLERANCE of the mode.
+        """
+        shape, basis, images = start.shape, [], []
+        vector, work = self._of_backbone(start), np.empty_like(start)
+        for _ in range(MAX_MODE_STEPS):
+            basis.append(vector.ravel() / np.linalg.norm(vector))
+            image = np.empty_like(start)
+            ldl.solve(self.factor, basis[-1].reshape(shape), image, work)
+            images.append(self._of_backbone(image).ravel())
+            rows = np.array(basis)
+            values, shares = np.linalg.eigh(rows @ np.array(images).T)
+            rest = images[-1] - rows.T @ (rows @ images[-1])
+            rest -= rows.T @ (rows @ rest)
+            vector = rest.reshape(shape)
+            if np.linalg.norm(rest) * abs(shares[-1, -1]) <= MODE_TOLERANCE * values[-1]:
+                break
+        mode = (shares[:, -1] @ rows).reshape(shape)
+        return 1.0 / values[-1] - self.stiffness * MIN_CURVATURE, mode
+
+    def _of_backbone(self, moves):
+        """Moves (N, D) of the backbone without their mean; of loose disks zero."""
+        result = np.where(self.loose[:, None], 0.0, moves)
+        remove_drift(self.loose, result)
+        return result
 
     def carry(self, old: "ShearBranch"):
         """Take over the contacts of a branch on an earlier list of the same disks, at its last point."""
         chosen = np.flatnonzero(old.active)
-        keys, vectors = _keys(old, old.point[1])
-        new_keys, new_vectors = _keys(self, self.point[1])
+        keys, vectors = pair_keys(old.pairs, old.n), _upward_normals(old)
+        new_keys, new_vectors = pair_keys(self.pairs, self.n), _upward_normals(self)
         sort = np.argsort(new_keys, kind="stable")
         sorted_keys = new_keys[sort]
         first = np.searchsorted(sorted_keys, keys[chosen])
@@ -267,7 +291,7 @@ class ShearBranch:
         self.classify()
 
 
-def _keys(branch, normals):
-    """(key of each pair (M,), its normal from the disk with the lower number (M, D))."""
-    i, j = branch.pairs.i.astype(np.int64), branch.pairs.j.astype(np.int64)
-    return np.minimum(i, j) * branch.n + np.maximum(i, j), np.where((i < j)[:, None], normals, -normals)
+def _upward_normals(branch):
+    """Normals (M, D) of pairs, each from the disk with the lower number."""
+    normals = branch.point[1]
+    return np.where((branch.pairs.i < branch.pairs.j)[:, None], normals, -normals)

@@ -14,6 +14,8 @@ import numpy as np
 
 from jampetsc.analysis.correlated_series import Average
 from jampetsc.analysis.strain_series import SAVE_INTERVAL, StrainSeries
+from jampetsc.jamming.event_table import EventTable
+from jampetsc.jamming.instability import displacement_between
 from jampetsc.minimisation import warm_start
 from jampetsc.minimisation.descent import Effort, Goal
 from jampetsc.minimisation.minimise import NEWTON_START_FORCE, minimise, separated_pressure
@@ -21,7 +23,7 @@ from jampetsc.minimisation.newton import force_floor
 from jampetsc.minimisation.protocols import MAX_SHAKES
 from jampetsc.packing.contacts import find_contacts, measure, typical_force
 from jampetsc.packing.neighbour_list import SKIN_RANGE, ListedPacking
-from jampetsc.packing.neighbours import fractional, lengths, vectors
+from jampetsc.packing.neighbours import lengths
 from jampetsc.packing.packing import PLACES, Packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import bond_vector, simple_shear
@@ -115,8 +117,7 @@ class StepwiseShear(ListedPacking):
     Raises ConvergenceError where no minimum is found, as `minimise`.
     """
 
-    events: StrainSeries | None = None
-    largest_drop: dict | None = None
+    events: EventTable | None = None
     came_apart: float | None = None  # strain where `shear_events.EventShear` ends, as no contact is left
 
     def __init__(self, disks: Packing, step: float, solver, tolerance: float, team: Team | None = None):
@@ -248,7 +249,7 @@ class StepwiseShear(ListedPacking):
         self.displacement = np.empty_like(self.offsets)
         if self.stale(
             warm_start.moved_on(
-                self.offsets, self.shear, self.last_displacement, self.displacement, self.pairs.r0
+                self.offsets, self.cell_strain, self.last_displacement, self.displacement, self.pairs.r0
             )
         ):
             self.fold()
@@ -266,9 +267,7 @@ class StepwiseShear(ListedPacking):
         if sums is None:  # rearrangements without end, or a saddle: a quench, which leaves saddles
             start = self.disks
             self.list(self._quench(start, MAX_SHAKES))
-            displacement = (self.reference.base - start.base) + (self.reference.offset - start.offset)
-            images = np.round(fractional(displacement, start.cell))
-            self.displacement += displacement - vectors(images, start.cell)
+            self.displacement += displacement_between(start, self.reference)
             self._factorise()
             minimum, proved = self._minimum_state(self._forces()), True
         size, longest = warm_start.without_drift(self.displacement, self.pairs.r0)
@@ -331,8 +330,7 @@ class ShearPath:
     discard: float  # strain before the averages
     averages: dict  # {name of AVERAGED: Average} over strain > discard, over all states, jammed or not
     effort: Effort  # cost of all steps
-    events: StrainSeries | None  # of `shear_events.EventShear`,
-    largest_drop: dict | None  # the largest of its drops,
+    events: EventTable | None  # of `shear_events.EventShear`,
     came_apart: float | None  # and the strain where it ended before its goal, as no contact was left
 
     @property
@@ -392,7 +390,6 @@ def shear_stepwise(
         averages,
         shear.effort,
         shear.events,
-        shear.largest_drop,
         shear.came_apart,
     )
 

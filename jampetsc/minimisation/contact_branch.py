@@ -1,12 +1,15 @@
-"""Equilibrium of a fixed set of contacts under shear, compiled: its forces, its tangent, and Newton's method on it.
+"""Equilibrium of a fixed set of contacts under a load, compiled: its forces, its tangent, and Newton's method on it.
 
 Which pairs touch is given, not read off their overlaps: between two changes of contacts the positions x(γ) at rest are
 then smooth, also a little beyond the changes, whose strains are roots of overlaps on that curve. A pair in the set has
 the force f = s(max(δ, 0)) δ with the secant stiffness s of the potential: for a harmonic contact the same line where
 δ < 0. With M = k n nᵀ − (f/r) (1 − n nᵀ) of a bond r = F (r0 + o_j − o_i), and moves u of disks in the laboratory,
 
-    ∂²U/∂u∂u = K, blocks M,      −∂²U/∂u∂γ = b, on j: −M (r_y x̂),      dx/dγ = K⁻¹ b,
-    dδ/dγ = −n · (dx_j/dγ − dx_i/dγ + r_y x̂).
+    ∂²U/∂u∂u = K, blocks M,      −∂²U/∂u∂γ = b, on j: −M L r,      dx/dγ = K⁻¹ b,
+    dδ/dγ = −n · (dx_j/dγ − dx_i/dγ + L r).
+
+The cell is strained by F = 1 + γ G since the list, G the gradient of the load there, and L = G F⁻¹: L r = r_y x̂ in
+simple shear.
 
 Where K becomes singular γ turns back along the curve, and a coordinate s = φ · (x − x_0) with a given mode φ is the
 parameter instead: K dx = F + b dγ with φ · dx = ds is solved with K + c φ φᵀ, which is definite at the turn.
@@ -26,11 +29,14 @@ from jampetsc.minimisation.warm_start import diagonal_blocks, displace_disks
 from jampetsc.packing.bond import (
     bond_vector,
     difference,
+    displace,
     entry,
     exponent_of,
+    gradient_over,
     inner,
+    row,
     secant,
-    simple_shear,
+    strained,
     tangent_ratio,
 )
 from jampetsc.packing.compiled import NUMBERS, compiled, nested
@@ -45,24 +51,26 @@ ROUNDING_RATIO = 30.0  # to rounding, up to which no progress is the end
 
 
 def empty_point(pairs, n):
-    """Arrays of `evaluate`: δ (M,), n (M, D), M (M, D, D), r_y (M,), F and b (N, D), rounding of |F| (N,)."""
+    """Arrays of `evaluate`: δ (M,), n (M, D), M (M, D, D), L r (M, D), F and b (N, D), rounding of |F| (N,)."""
     m, axes = len(pairs.i), len(pairs.r0)
-    shapes = (m,), (m, axes), (m, axes, axes), (m,), (n, axes), (n, axes), (n,)
+    shapes = (m,), (m, axes), (m, axes, axes), (m, axes), (n, axes), (n, axes), (n,)
     return tuple(np.zeros(shape) for shape in shapes)
 
 
 @compiled(NUMBERS, forceinline=True)
-def evaluate(pairs, active, loose, o, g, potential, usual, point):
-    """Fill in `point` at offsets o (N, D) and shear g of the list; returns (U, σ_xy V, p D V).
+def evaluate(pairs, active, loose, o, g, gradient, potential, usual, point):
+    """Fill in `point` at offsets o (N, D) and amplitude g of the load since the list; returns (U, dU/dg, p D V).
 
-    active   (M,) int8, OPEN_PAIR, BEARING, WEIGHTLESS or STARTING
-    loose    (N,) disks that nothing holds
-    usual    stiffness of weightless and starting contacts
+    active     (M,) int8, OPEN_PAIR, BEARING, WEIGHTLESS or STARTING
+    loose      (N,) disks that nothing holds
+    gradient   G, a `Strain`
+    usual      stiffness of weightless and starting contacts
     """
-    overlaps, normals, blocks, heights, forces, column, rounding = point
+    overlaps, normals, blocks, affine, forces, column, rounding = point
     i, j, r0, sigma = pairs.i, pairs.j, pairs.r0, pairs.sigma
-    strain = simple_shear(g)
-    energy = shear = trace = 0.0
+    strain = strained(gradient, g)
+    flow = gradient_over(gradient, strain)
+    energy = work = trace = 0.0
     forces[:] = 0.0
     column[:] = 0.0
     rounding[:] = 0.0
@@ -71,9 +79,10 @@ def evaluate(pairs, active, loose, o, g, potential, usual, point):
         r = bond_vector(strain, entry(r0, q), difference(o, a, b, r0))
         distance = np.sqrt(inner(r, r))
         d = sigma[q] - distance
-        overlaps[q], heights[q] = d, r[1]
+        overlaps[q] = d
+        along = displace(flow, r)
         for x in range(len(r0)):
-            normals[q, x] = r[x] / distance
+            normals[q, x], affine[q, x] = r[x] / distance, along[x]
         if active[q] == 0:
             continue
         depth = max(d, 0.0)
@@ -84,7 +93,7 @@ def evaluate(pairs, active, loose, o, g, potential, usual, point):
             if active[q] == 3:
                 k = max(k, usual)
             energy += f * d
-            shear -= f * normals[q, 0] * r[1]
+            work -= f * inner(r, along) / distance
             trace += f * distance
         else:
             f, k = usual * d, usual
@@ -95,7 +104,7 @@ def evaluate(pairs, active, loose, o, g, potential, usual, point):
                 blocks[q, x, y] = (k + across) * normals[q, x] * normals[q, y]
             blocks[q, x, x] -= across
         for x in range(len(r0)):
-            push, change = f * normals[q, x], -r[1] * blocks[q, x, 0]
+            push, change = f * normals[q, x], -inner(row(blocks[q], x, r), along)
             if bears or loose[b]:
                 forces[b, x] += push
                 column[b, x] += change
@@ -104,7 +113,7 @@ def evaluate(pairs, active, loose, o, g, potential, usual, point):
                 column[a, x] -= change
         rounding[a] += error
         rounding[b] += error
-    return energy / exponent_of(potential), shear, trace
+    return energy / exponent_of(potential), work, trace
 
 
 @compiled(NUMBERS)
@@ -135,12 +144,12 @@ def push_loose(pairs, active, loose, blocks, moves, right):
 @compiled(NUMBERS)
 def overlap_rates(pairs, point, moves, strain, rates):
     """dδ (M,) of all pairs into `rates` for moves (N, D) of the disks and a change of γ by `strain`."""
-    normals, heights = point[1], point[3]
+    normals, affine = point[1], point[3]
     i, j = pairs.i, pairs.j
     for q in range(len(i)):
-        total = strain * heights[q] * normals[q, 0]
+        total = 0.0
         for x in range(moves.shape[1]):
-            total += normals[q, x] * (moves[j[q], x] - moves[i[q], x])
+            total += normals[q, x] * (strain * affine[q, x] + moves[j[q], x] - moves[i[q], x])
         rates[q] = -total
 
 
@@ -205,11 +214,31 @@ def respond(pairs, active, blocks, shift, factor, mode, weight, b, x, tolerance)
     return MAX_LINEAR_STEPS
 
 
+@compiled(NUMBERS, forceinline=True)
+def remove_drift(loose, x):
+    """Take the mean of the backbone out of its moves x (N, D), where rounding over the shift of K puts it.
+
+    Loose disks would be left behind.
+    """
+    count = 0
+    for k in range(len(x)):
+        count += not loose[k]
+    for a in range(x.shape[1]):
+        total = 0.0
+        for k in range(len(x)):
+            if not loose[k]:
+                total += x[k, a]
+        for k in range(len(x)):
+            if not loose[k]:
+                x[k, a] -= total / count
+
+
 @compiled(NUMBERS)
-def correct(pairs, active, loose, potential, scalars, shift, factor, mode, point, o, moved):
+def correct(pairs, active, loose, gradient, potential, scalars, shift, factor, mode, point, o, moved):
     """Newton's method from offsets o (N, D) to equilibrium; returns (success, g, evaluations, sums).
 
-    scalars   (shear g, usual stiffness, weight c, goal of s, its tolerance)
+    gradient  G, a `Strain`
+    scalars   (amplitude g, usual stiffness, weight c, goal of s, its tolerance)
     mode      φ (N, D), with s = φ · moved; of no disk where g is fixed
     point     `empty_point`, of the end
     moved     (N, D), to which moves in the laboratory are added
@@ -222,7 +251,7 @@ def correct(pairs, active, loose, potential, scalars, shift, factor, mode, point
     last = np.inf
     sides = 2 if len(mode) else 1
     for step in range(MAX_NEWTON_STEPS + 1):
-        sums = evaluate(pairs, active, loose, o, g, potential, usual, point)
+        sums = evaluate(pairs, active, loose, o, g, gradient, potential, usual, point)
         largest = 0.0  # in units of what rounding leaves
         for k in range(len(forces)):
             square = 0.0
@@ -263,6 +292,7 @@ def correct(pairs, active, loose, potential, scalars, shift, factor, mode, point
             )
             second += change * first
             first, second = second, first
-        displace_disks(o, moved, first, 1.0, g, pairs.r0)
+        remove_drift(loose, first)
+        displace_disks(o, moved, first, 1.0, strained(gradient, g), pairs.r0)
         g += change
     return False, g, MAX_NEWTON_STEPS, sums

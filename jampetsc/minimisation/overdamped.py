@@ -5,8 +5,9 @@ II, 1996, sec. IV.9), which is stable for any h, and never steps over a saddle:
 
     (1/h + K) a = F(x),    x' = x + a,    (1/h + K) a' = F(x'),    error ½ (a' − a).
 
-The step follows the error, and the energy decreases in each. 1/h + K is factorised at each step; where it is not
-definite, disks leave a saddle faster than the step resolves, and the step is shorter.
+The step follows the error, and the energy decreases in each; it does not grow just after one that failed (Hairer,
+Nørsett & Wanner, Solving Ordinary Differential Equations I, 1993, sec. II.4). 1/h + K is factorised at each step; where
+it is not definite, disks leave a saddle faster than the step resolves, and the step is shorter.
 """
 
 import math
@@ -74,6 +75,7 @@ class OverdampedDescent(ListedPacking):
                 self.order, self.pairs, self.offsets, 0.0, potential, self.stiffness, largest
             ):
                 return self.disks
+            growth = MAX_RATIO
             while True:
                 definite, factor = factor_of_hessian(
                     self.order, self.pairs, self.offsets, 0.0, potential, 1.0 / self.step, 0.0
@@ -89,12 +91,13 @@ class OverdampedDescent(ListedPacking):
                     if error <= self.longest and falls:
                         break
                 self.step *= max(min(ratio, 0.5), MIN_RATIO)
+                growth = 1.0
                 if not self.step * self.stiffness > MIN_STEP:  # rounding alone is left
                     return self.disks
-            far = moved_on(self.offsets, 0.0, a, moved, like)
+            far = moved_on(self.offsets, self.cell_strain, a, moved, like)
             self.time += self.step
             self.steps += 1
-            self.step *= min(ratio, MAX_RATIO)
+            self.step *= min(ratio, growth)
             forces, later, sums = later, forces, new
             if self.stale(far):
                 self.fold()

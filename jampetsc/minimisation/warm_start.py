@@ -10,19 +10,25 @@ import numpy as np
 from jampetsc.minimisation.lbfgs_kernels import dot
 from jampetsc.minimisation.ldl import diagonal_of, factorise, solve, space_diagonal_of
 from jampetsc.packing.bond import (
+    add_to_row,
+    added,
     bond_vector,
     difference,
+    displace,
     entry,
     inner,
     row,
+    scaled,
     secant,
     simple_shear,
+    strain_between,
     tangent_ratio,
 )
 from jampetsc.packing.compiled import FAST, NUMBERS, compiled, nested
 from jampetsc.packing.contacts import LOAD_RATIO
 from jampetsc.packing.kernel import bond_forces, elastic_trace
 from jampetsc.packing.neighbour_list import is_stale
+from jampetsc.packing.strain import UNSTRAINED
 
 MEMORY = 8  # pairs (s, y)
 OVERSHOT = 0.5  # a step is too long if the slope at its end is against it by more than this part of that at its start
@@ -157,34 +163,29 @@ def factor_of_hessian(order, pairs, o, g, potential, damping, stiffness):
 
 
 @nested(FAST, forceinline=True)
-def displace_disks(o, moved, d, length, g, like):
-    """Move by length · d in the laboratory frame; returns max |o|; like: a tuple of length D."""
-    far = 0.0
+def displace_disks(o, moved, d, length, strain, like):
+    """Move by length · d in the laboratory frame, at a strain of the list; returns max |o|. like: D numbers."""
+    far, back = 0.0, strain_between(UNSTRAINED, strain)
     for k in range(len(o)):
-        dx, dy = length * d[k, 0], length * d[k, 1]
-        moved[k, 0] += dx
-        moved[k, 1] += dy
-        o[k, 0] += dx - g * dy
-        o[k, 1] += dy
-        if len(like) == 3:
-            moved[k, 2] += length * d[k, 2]
-            o[k, 2] += length * d[k, 2]
+        move = scaled(length, row(d, k, like))
+        add_to_row(moved, k, move)
+        add_to_row(o, k, added(move, displace(back, move)))
         here = row(o, k, like)
         far = max(far, inner(here, here))
     return np.sqrt(far)
 
 
 @compiled(FAST)
-def moved_on(o, g, way, moved, like):
+def moved_on(o, strain, way, moved, like):
     """Move by `way` (N, D) in the laboratory frame: change the offsets o, copy it into `moved`; returns max |o|."""
     moved[:] = 0.0
-    return displace_disks(o, moved, way, 1.0, g, like)
+    return displace_disks(o, moved, way, 1.0, strain, like)
 
 
 @compiled(FAST)
-def displace_disks_by(o, moved, d, g, like):
+def displace_disks_by(o, moved, d, strain, like):
     """`displace_disks` by d, which is added to `moved`."""
-    return displace_disks(o, moved, d, 1.0, g, like)
+    return displace_disks(o, moved, d, 1.0, strain, like)
 
 
 @compiled(FAST)
@@ -344,7 +345,7 @@ def follow(pairs, potential, scalars, factor, memory, o, moved, forces):
                 return LOST, evaluations, sums
             length, done = min(1.0, reach / np.sqrt(_longest(d, pairs.r0))), 0.0
             old[:] = flat
-        far = displace_disks(o, moved, d.reshape(-1, axes), length - done, g, pairs.r0)
+        far = displace_disks(o, moved, d.reshape(-1, axes), length - done, simple_shear(g), pairs.r0)
         done = length
         tries += 1
         if is_stale(far, simple_shear(g), largest, skin):

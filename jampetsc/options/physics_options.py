@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from jampetsc.errors import InputError, named
 from jampetsc.laws import loads
 from jampetsc.laws.damping import (
@@ -228,11 +230,11 @@ LOAD_OR_FORCES = ValueType(
     metavar="LOAD",
     python="str, array (D, D), one of `jampetsc.loads` or forces (N, D)",
 )
-LOAD_HELP = (
+LOAD_NAMES = (
     "load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or "
-    "D² numbers row by row (with commas; on a command line with = where the first is negative){}. Moduli are "
-    "second derivatives of the energy per volume along F = 1 + εE"
+    "D² numbers row by row (with commas; on a command line with = where the first is negative)"
 )
+LOAD_HELP = LOAD_NAMES + "{}. Moduli are second derivatives of the energy per volume along F = 1 + εE"
 FORCES_HELP = (
     "; or forces: wave:1,0:transverse or longitudinal (numbers of cell vectors; several with + between them), point:7 "
     "(particles), points:100 or points:100:5 (a sample, its seed)"
@@ -245,3 +247,24 @@ def load_parameter(of_tensor: str = "", takes_forces: bool = False):
     if not takes_forces:
         return parameter(loads.DEFAULT, LOAD_HELP.format(words), value_type=LOAD)
     return parameter(loads.DEFAULT, LOAD_HELP.format(words + FORCES_HELP), value_type=LOAD_OR_FORCES)
+
+
+def check_finite_strain(load: loads.LoadChoice, strain: float, command: str) -> None:
+    """Raise InputError for loads that turn the first axis of the cell 1 + γE, and those that leave it no volume."""
+    if load.is_tensor:
+        raise InputError(
+            f"{named('load')} {loads.TENSOR}: not supported, as the response to a finite strain is not linear. Give a "
+            f"single {named('load')}."
+        )
+    for single in load.by_dimension().values():
+        E = single.gradient
+        if np.tril(E, -1).any():
+            raise InputError(
+                f"{named('load')} {load}: not supported by {command}, as it turns the axes of the cell. Give a "
+                "gradient with zeros below its diagonal, such as xy."
+            )
+        if not (1.0 + strain * np.diag(E) > 0.0).all():
+            raise InputError(
+                f"{named('strain')} {strain:g}: leaves the cell no volume under {named('load')} {load}. Give a "
+                "smaller one."
+            )

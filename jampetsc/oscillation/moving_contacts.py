@@ -29,7 +29,15 @@ from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.neighbour_list import SKIN_START, ListedPacking, is_stale
 from jampetsc.packing.neighbours import lengths
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.strain import UNSTRAINED, Strain, bond_vector, displace, strain_between, strain_of
+from jampetsc.packing.strain import (
+    UNSTRAINED,
+    Strain,
+    bond_vector,
+    displace,
+    strain_between,
+    strain_of,
+    strained,
+)
 
 MAX_OVERLAP_MOVE = 3.0  # mean overlaps: largest move in a Newton step, to stay in the same minimum
 # of an overlap: changes up to which energies are integrals of forces, by Gauss's formula with errors below rounding
@@ -94,9 +102,7 @@ class MovingContacts(ListedPacking):
 
     def _strain_at(self, gamma) -> Strain:
         """E of the cell since the list was made."""
-        now, listed = (
-            Strain(*(strain * part for part in self._unit_strain)) for strain in (gamma, self.listed)
-        )
+        now, listed = (strained(self._unit_strain, strain) for strain in (gamma, self.listed))
         return strain_between(now, listed)
 
     def _growth(self, gamma) -> float:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.oscillation.drive import Drive
-from jampetsc.packing.contacts import contact_keys, find_contacts
+from jampetsc.packing.contacts import find_contacts, pair_keys
 from jampetsc.packing.packing import PLACES, Packing, deformed
 from jampetsc.packing.strain import simple_shear
 from jampetsc.response.contact_network import DistributedNetwork
@@ -78,7 +78,7 @@ class Start:
         """
         moved = deformed(disks, self.displacement, simple_shear(self.gamma - self.reference))
         has_same_contacts = np.array_equal(
-            *(contact_keys(find_contacts(packing), disks.n) for packing in (disks, moved))
+            *(np.sort(pair_keys(find_contacts(packing), disks.n)) for packing in (disks, moved))
         )
         at_rest = {name: 0.0 * getattr(self, name) for name in ("displacement", "velocity", "gamma", "rate")}
         return self if has_same_contacts else replace(self, **at_rest)

@@ -26,7 +26,7 @@ from jampetsc.laws.loads import Load
 from jampetsc.oscillation.adaptive_steps import TWO_STAGES, AdaptiveSteps
 from jampetsc.oscillation.drive import Imposed
 from jampetsc.oscillation.moving_contacts import MovingContacts
-from jampetsc.packing.contacts import contact_keys, find_contacts
+from jampetsc.packing.contacts import find_contacts, pair_keys
 from jampetsc.packing.packing import Packing
 
 RAMP_RATIO = 1e-2  # of the first time: the length of the ramp
@@ -119,7 +119,7 @@ class _Relaxation:
         self._start = disks, law, load
         self._strain, self._times, self._finer = strain, np.asarray(times, float), finer
         self._tolerance = accuracy / finer**ENERGY_ORDER
-        self._contacts = contact_keys(find_contacts(disks), disks.n)
+        self._contacts = pair_keys(find_contacts(disks), disks.n)
         self._energy = self._dissipated = self._time = 0.0
         self.rows, self.accepted, self.relaxed_time = [], 0, float("nan")
 
@@ -200,7 +200,7 @@ class _Relaxation:
 
     def _measure(self, stress):
         motion = self.motion
-        now = contact_keys(find_contacts(motion.disks), motion.n)
+        now = pair_keys(find_contacts(motion.disks), motion.n)
         opened = len(np.setdiff1d(self._contacts, now))
         closed = len(np.setdiff1d(now, self._contacts))
         energies = self._energy / motion.volume, self._dissipated / motion.volume

@@ -25,12 +25,15 @@ register_jitable(fastmath=False)(potentials.exponent_of)
 _inlined = nested(FAST, cache=False, forceinline=True)
 simple_shear, growth_and_shear = _inlined(strain.simple_shear), _inlined(strain.growth_and_shear)
 growth_and_tilts = _inlined(strain.growth_and_tilts)
-bond_vector = _inlined(strain.bond_vector)
+bond_vector, displace, strained = map(_inlined, (strain.bond_vector, strain.displace, strain.strained))
 secant, tangent_ratio = _inlined(potentials.secant_stiffness), _inlined(potentials.tangent_ratio)
 energy_term, exponent_of = _inlined(potentials.energy_term), _inlined(potentials.exponent_of)
 # not FAST: whether a list serves is decided in exact order
 _exact = nested(False, cache=False)
-norms, strain_between = _exact(strain.norms), _exact(strain.strain_between)
+register_jitable(fastmath=False)(strain.gradient_over)
+norms, strain_between, gradient_over = map(
+    _exact, (strain.norms, strain.strain_between, strain.gradient_over)
+)
 
 
 @intrinsic

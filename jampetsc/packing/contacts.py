@@ -98,10 +98,10 @@ def find_contacts(disks: Particles, rows=None) -> Contacts:
     )
 
 
-def contact_keys(contacts: LinearBonds, n: int):
-    """A whole number for each contact of n particles, (M,) sorted, the same for the same two particles."""
-    i, j = contacts.i.astype(np.int64), contacts.j.astype(np.int64)
-    return np.sort(np.minimum(i, j) * n + np.maximum(i, j))
+def pair_keys(pairs, n: int):
+    """A whole number for each pair i, j of n particles, (M,), the same for the same two particles."""
+    i, j = pairs.i.astype(np.int64), pairs.j.astype(np.int64)
+    return np.minimum(i, j) * n + np.maximum(i, j)
 
 
 def force_threshold(disks: Particles, pressure: float) -> float:

@@ -37,6 +37,15 @@ def strain_of(gradient):
     return Strain(*rows.ravel().tolist())
 
 
+def strained(gradient, amplitude):
+    """E of F = 1 + γ G, of a gradient G and its amplitude γ."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = gradient
+    return Strain(
+        amplitude * xx, amplitude * xy, amplitude * xz, amplitude * yx, amplitude * yy, amplitude * yz,
+        amplitude * zx, amplitude * zy, amplitude * zz,
+    )  # fmt: skip
+
+
 def simple_shear(shear):
     """E of the flow along x with its gradient along y: F_xy = `shear`."""
     return Strain(0.0, shear, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -94,6 +103,16 @@ def bond_vector(strain, r0, moved):
     return x + (strain.xx * x + strain.xy * y), y + (strain.yx * x + strain.yy * y)
 
 
+def volume_ratio(strain):
+    """det F."""
+    xx, yy, zz = 1.0 + strain.xx, 1.0 + strain.yy, 1.0 + strain.zz
+    return (
+        (xx * yy - strain.xy * strain.yx) * zz
+        + strain.xz * (strain.yx * strain.zy - yy * strain.zx)
+        + strain.yz * (strain.xy * strain.zx - xx * strain.zy)
+    )
+
+
 def norms(strain):
     """(‖F⁻¹‖, ‖F‖), by how much vectors may grow: 1 over the least, and the largest, of the singular values of F.
 
@@ -124,18 +143,16 @@ def norms(strain):
     return 1.0 / math.sqrt(1.0 + mean + 2.0 * size * least), math.sqrt(1.0 + mean + 2.0 * size * most)
 
 
-def strain_between(strain, earlier):
-    """E of F F₀⁻¹: from an earlier strain, of F₀, to another."""
-    _, xy, xz, yx, _, yz, zx, zy, _ = earlier
-    xx, yy, zz = 1.0 + earlier.xx, 1.0 + earlier.yy, 1.0 + earlier.zz
+def gradient_over(gradient, strain):
+    """The displacement gradient G F⁻¹ by distances of now of a gradient G by those before a strain, of F."""
+    _, xy, xz, yx, _, yz, zx, zy, _ = strain
+    xx, yy, zz = 1.0 + strain.xx, 1.0 + strain.yy, 1.0 + strain.zz
     volume = (xx * yy - xy * yx) * zz + xz * (yx * zy - yy * zx) + yz * (xy * zx - xx * zy)
-    # columns of F₀⁻¹ times det F₀
+    # columns of F⁻¹ times det F
     x = yy * zz - yz * zy, yz * zx - yx * zz, yx * zy - yy * zx
     y = xz * zy - xy * zz, xx * zz - xz * zx, xy * zx - xx * zy
     z = xy * yz - xz * yy, xz * yx - xx * yz, xx * yy - xy * yx
-    dxx, dxy, dxz = strain.xx - earlier.xx, strain.xy - earlier.xy, strain.xz - earlier.xz
-    dyx, dyy, dyz = strain.yx - earlier.yx, strain.yy - earlier.yy, strain.yz - earlier.yz
-    dzx, dzy, dzz = strain.zx - earlier.zx, strain.zy - earlier.zy, strain.zz - earlier.zz
+    dxx, dxy, dxz, dyx, dyy, dyz, dzx, dzy, dzz = gradient
     return Strain(
         (dxx * x[0] + dxy * x[1] + dxz * x[2]) / volume,
         (dxx * y[0] + dxy * y[1] + dxz * y[2]) / volume,
@@ -147,3 +164,13 @@ def strain_between(strain, earlier):
         (dzx * y[0] + dzy * y[1] + dzz * y[2]) / volume,
         (dzx * z[0] + dzy * z[1] + dzz * z[2]) / volume,
     )
+
+
+def strain_between(strain, earlier):
+    """E of F F₀⁻¹: from an earlier strain, of F₀, to another."""
+    change = Strain(
+        strain.xx - earlier.xx, strain.xy - earlier.xy, strain.xz - earlier.xz,
+        strain.yx - earlier.yx, strain.yy - earlier.yy, strain.yz - earlier.yz,
+        strain.zx - earlier.zx, strain.zy - earlier.zy, strain.zz - earlier.zz,
+    )  # fmt: skip
+    return gradient_over(change, earlier)

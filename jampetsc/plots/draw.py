@@ -28,7 +28,8 @@ from jampetsc.plots.style import FORMATS
 MODULES = (  # with pictures; without a kind the first picture that suits files and options is drawn
     "moduli_plots", "tensor_plots", "spectrum_plots", "step_strain_plots", "correlation_plots", "quasistatic_plots",
     "probe_plots", "exponent_plots", "crossover_plots", "mode_plots", "flow_plots", "jamming_plots", "event_plots",
-    "scaling_plots", "yielding_plots", "start_plots", "oscillation_plots", "field_plots", "packing_plots",
+    "rearrangement_plots", "scaling_plots", "yielding_plots", "start_plots", "oscillation_plots", "field_plots",
+    "packing_plots",
 )  # fmt: skip
 COMMANDS = {  # format -> its command, if that has another name
     "correlation": "correlate",

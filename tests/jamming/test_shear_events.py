@@ -1,14 +1,18 @@
 """`jampetsc shear --events`: changes of contacts and instabilities at their strains, against dense matrices."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from dense import all_pairs
 from sheared import stop_after
 
 import jampetsc
+from jampetsc import loads
 from jampetsc.commands.shear import DESCENTS
 from jampetsc.errors import InputError
 from jampetsc.jamming.event_table import CLOSES, OPENS, UNSTABLE
+from jampetsc.laws.loads import LoadChoice
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # one run is one process
 
@@ -19,6 +23,12 @@ STARTS = {  # name -> (how the packing is made, what happens)
     "spheres": ({"n": 16, "pressure": 1e-2, "seed": 4, "dimension": 3}, "OOUCOOOOCCCOC"),
 }
 LETTERS = "OCUTLH"
+UNEVEN = {  # sizes 1:10, with rattlers that are touched and left
+    "uneven disks": {"n": 32, "pressure": 1e-2, "seed": 1, "sizes": "uniform:1:10"},
+    "uneven soft spheres": {
+        "n": 24, "pressure": 1e-2, "seed": 1, "sizes": "uniform:1:10", "dimension": 3, "potential": "hertzian",
+    },
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -32,25 +42,31 @@ def runs():
 
 
 class DensePath:
-    """Minima of a packing under shear, by Newton's method on the contacts there, dense."""
+    """Minima of a packing under a load E, by Newton's method on the contacts there, dense."""
 
-    def __init__(self, packing):
+    def __init__(self, packing, load=None):
         self.packing, self.cell = packing, packing.cell
+        self.load = load or loads.simple_shear(packing.dimension)
         self.positions, self.strain = packing.positions.copy(), 0.0
         self.alpha, self.k = packing.potential.exponent, packing.potential.k
 
     def contacts(self):
         """(i, j, r, δ) of overlapping pairs; stiffness `constant`."""
-        cell = self.cell.copy()
-        cell[1, 0] += self.strain * cell[1, 1]
-        if len(cell) == 3:
-            cell[2, 0] += self.strain * cell[2, 1]
+        cell = self.cell @ self._strained.T
         i, j, r = all_pairs(self.positions, self.packing.radii, cell, images=1)
         i, j, r = np.array(i), np.array(j), r.astype(float)
         return i, j, r, self.packing.radii[i] + self.packing.radii[j] - np.sqrt((r**2).sum(axis=1))
 
+    @property
+    def _strained(self):
+        return np.eye(self.load.dimension) + self.strain * self.load.gradient
+
+    @property
+    def _flow(self):
+        return self.load.gradient @ np.linalg.inv(self._strained)
+
     def derivatives(self):
-        """(U, σ V, forces (N, D), K (DN, DN), change of the forces by affine shear (N, D))."""
+        """(U, dU/dγ, forces (N, D), K (DN, DN), change of the forces by affine motion (N, D))."""
         i, j, r, overlap = self.contacts()
         n, d = self.positions.shape
         f = self.k * overlap ** (self.alpha - 1)
@@ -62,11 +78,22 @@ class DensePath:
         forces, affine, K = np.zeros((n, d)), np.zeros((n, d)), np.zeros((n, n, d, d))
         for ends, sign in ((j, 1.0), (i, -1.0)):
             np.add.at(forces, ends, sign * f[:, None] * normal)
-            np.add.at(affine, ends, -sign * blocks[:, :, 0] * r[:, 1:2])
+            np.add.at(affine, ends, -sign * np.einsum("mab,mb->ma", blocks, r @ self._flow.T))
         for row, column, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
             np.add.at(K, (row, column), sign * blocks)
-        energy, stress = float(np.sum(f * overlap) / self.alpha), -float(np.sum(f * normal[:, 0] * r[:, 1]))
-        return energy, stress, forces, K.transpose(0, 2, 1, 3).reshape(n * d, -1), affine
+        energy, work = (
+            float(np.sum(f * overlap) / self.alpha),
+            -float(np.sum(f @ (normal * (r @ self._flow.T)))),
+        )
+        return energy, work, forces, K.transpose(0, 2, 1, 3).reshape(n * d, -1), affine
+
+    @property
+    def pressure(self):
+        """Σ f r/(D V)."""
+        _, _, r, overlap = self.contacts()
+        volume = self.packing.volume * np.linalg.det(self._strained)
+        distance = np.sqrt((r**2).sum(axis=1))
+        return float(self.k * np.sum(overlap ** (self.alpha - 1) * distance) / (self.load.dimension * volume))
 
     def move_to(self, strain, steps=40):
         """The minimum at another strain, in small steps of strain; whether it was reached."""
@@ -78,7 +105,7 @@ class DensePath:
     def _step_to(self, strain, steps):
         *_, K, affine = self.derivatives()
         motion = (np.linalg.pinv(K, rcond=1e-9) @ affine.ravel()).reshape(affine.shape)
-        motion[:, 0] += self.positions[:, 1]
+        motion += self.positions @ self._flow.T
         self.positions = self.positions + (strain - self.strain) * motion
         self.strain = strain
         for _ in range(steps):
@@ -95,7 +122,7 @@ class DensePath:
 
     def copy(self):
         """Another path from here."""
-        other = DensePath(self.packing)
+        other = DensePath(self.packing, self.load)
         other.positions, other.strain = self.positions.copy(), self.strain
         return other
 
@@ -105,17 +132,17 @@ class DensePath:
         return sorted(zip(i.tolist(), j.tolist(), strict=True))
 
 
-def changed_at(path, low, high):
-    """Strain between two at which the contacts change, by bisection; the path stays below it."""
+def changed_at(path, end):
+    """Strain between that of the path and another at which the contacts change, by bisection; the path stays before."""
     before = path.touching()
-    while high - low > 2e-13:
-        middle, trial = 0.5 * (low + high), path.copy()
+    while abs(end - path.strain) > 2e-13:
+        middle, trial = 0.5 * (path.strain + end), path.copy()
         assert trial.move_to(middle)
         if trial.touching() == before:
-            low, path.positions, path.strain = middle, trial.positions, trial.strain
+            path.positions, path.strain = trial.positions, trial.strain
         else:
-            high = middle
-    return 0.5 * (low + high)
+            end = middle
+    return 0.5 * (path.strain + end)
 
 
 @pytest.mark.parametrize("name", STARTS)
@@ -131,9 +158,12 @@ def test_contacts_change_at_the_strains_of_a_dense_bisection(runs, name):
         low, high = strain - min(1e-7, 0.1 * (strain - last)), strain + min(1e-7, 0.1 * (following - strain))
         assert path.move_to(low)
         before = path.touching()
-        exact = changed_at(path, low, high)
+        exact = changed_at(path, high)
         assert exact == pytest.approx(strain, abs=1e-12)
-        energy, stress, *_ = path.derivatives()
+        energy, stress, _, K, _ = path.derivatives()
+        eigenvalues = np.linalg.eigvalsh(K)
+        lowest = eigenvalues[eigenvalues > 1e-9][0]
+        assert result["events/lowest_eigenvalue"][event] == pytest.approx(lowest, rel=1e-3)
         assert result["events/energy"][event, 0] == pytest.approx(energy, rel=1e-9)
         assert result["events/shear_stress"][event] == pytest.approx(stress / packing.volume, rel=1e-9)
         assert path.move_to(high)
@@ -163,19 +193,24 @@ def test_no_minimum_is_near_after_an_instability(runs, name):
     assert 1.0 <= result["events/participation"][event] <= packing.n
 
 
-@pytest.mark.parametrize("name", STARTS)
-def test_work_is_stored_or_dissipated_in_drops(runs, name):
-    """∫ V σ dγ by the trapezium rule between rows and events = ΔU + Σ drops."""
-    packing, result = runs[name]
+def assert_energy_balance(packing, result):
+    """∫ V σ dγ by the trapezium rule between rows and events = ΔU + Σ drops; returns its unit."""
     strain = np.concatenate((result["strain"], np.repeat(result["events/strain"], 2)))
     stress = np.concatenate((result["shear_stress"], result["events/shear_stress"].ravel()))
-    order = np.argsort(strain, kind="stable")
-    stress, strain = np.r_[packing.stress[0, 1], stress[order]], np.r_[0.0, strain[order]]
-    work = packing.volume * float(np.diff(strain) @ (0.5 * (stress[1:] + stress[:-1])))
+    order = np.argsort(np.abs(strain), kind="stable")
+    load = LoadChoice(result.attributes["load"]).of(packing.dimension)[0]
+    stress = np.r_[np.sum(packing.stress * load.gradient), stress[order]]
+    work = packing.volume * float(np.diff(strain[order], prepend=0.0) @ (0.5 * (stress[1:] + stress[:-1])))
     change = result["energy"][-1] - packing.record["energy"]
-    drops = result["events/drop"].sum()
-    scale = packing.volume * np.abs(stress).max() * STRAIN
-    assert work == pytest.approx(change + drops, abs=1e-3 * scale)
+    scale = packing.volume * np.abs(stress).max() * np.abs(strain).max()
+    assert work == pytest.approx(change + result["events/drop"].sum(), abs=1e-3 * scale)
+    return scale
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_work_is_stored_or_dissipated_in_drops(runs, name):
+    packing, result = runs[name]
+    scale, drops = assert_energy_balance(packing, result), result["events/drop"].sum()
     assert drops == pytest.approx(result["dissipated"].sum(), rel=1e-9)
     assert drops > 1e-2 * scale
     assert np.array_equal(result["plastic"] == 1, np.diff(np.searchsorted(
@@ -211,16 +246,118 @@ def test_forward_and_back_below_the_first_instability_is_the_identity(runs, name
     assert [opposite[kind] for kind in back["events/kind"][::-1]] == forth["events/kind"].tolist()
 
 
-def test_a_mirror_image_sheared_the_other_way_has_the_same_events(runs):
-    packing, result = runs["disks"]
-    cell = packing.cell * [[1, 1], [-1, 1]]
-    mirrored = jampetsc.Packing(packing.positions * [-1, 1], packing.radii, cell, k=3.0)
-    other = jampetsc.shear(mirrored, step=STEP, strain=-STRAIN, events=True, discard=0.0)
-    np.testing.assert_allclose(other["events/strain"], -result["events/strain"], rtol=1e-11)
-    for name, factor in (("shear_stress", -3.0), ("pressure", 3.0), ("energy", 3.0)):
-        np.testing.assert_allclose(other[f"events/{name}"], factor * result[f"events/{name}"], rtol=1e-7)
-    np.testing.assert_allclose(other["events/drop"], 3.0 * result["events/drop"], rtol=1e-6)
-    assert np.array_equal(other["events/particles"], result["events/particles"])
+def changed_pairs(result, numbers):
+    """[(strain rank, kind, particles)] sorted, events of one strain as one, of particles with these numbers."""
+    ends = np.sort(numbers[result["events/particles"]], axis=1).tolist()
+    strain = np.abs(result["events/strain"])
+    rank = np.cumsum(np.diff(strain, prepend=0.0) > 1e-9)
+    return sorted(zip(rank.tolist(), result["events/kind"].tolist(), ends, strict=True))
+
+
+@pytest.mark.parametrize("name", [*STARTS, *UNEVEN])
+def test_events_are_those_of_the_mirrored_packing_moved_relabelled_and_in_other_units(runs, name):
+    """Sheared the other way. Units of length and of k, a shift of the origin, and the numbers of the particles."""
+    if name in STARTS:
+        packing, result = runs[name]
+    else:
+        packing = jampetsc.pack(**UNEVEN[name])
+        result = jampetsc.shear(packing, step=STEP, strain=0.02, events=True, discard=0.0)
+    generator, length, k = np.random.default_rng(3), 10.0, 7.0
+    order, mirror = generator.permutation(packing.n), np.array([-1.0, 1.0, 1.0])[: packing.dimension]
+    cell = length * packing.cell * mirror
+    cell[0] *= -1.0
+    places = length * (mirror * packing.positions[order] + generator.random(packing.dimension))
+    potential = packing.potential.kind, packing.potential.stiffness, k
+    other = jampetsc.Packing(places, length * packing.radii[order], cell, *potential)
+    strain = -result["strain"][-1]
+    mirrored = jampetsc.shear(other, step=STEP, strain=strain, events=True, discard=0.0)
+    assert changed_pairs(mirrored, order) == changed_pairs(result, np.arange(packing.n))
+    np.testing.assert_allclose(-mirrored["events/strain"], result["events/strain"], rtol=0, atol=1e-10)
+    alpha = packing.potential.exponent
+    energy, stress = k * length**alpha, k * length ** (alpha - packing.dimension)
+    for column, unit, tolerance in (
+        ("energy", energy, 1e-7),
+        ("drop", energy, 1e-6),
+        ("pressure", stress, 1e-7),
+        ("shear_stress", -stress, 1e-7),
+        ("participation", 1.0, 1e-6),
+        ("contacts", 1, 0),
+        ("lowest_eigenvalue", k * length ** (alpha - 2), 1e-4),
+    ):
+        values = unit * result[f"events/{column}"]
+        atol = tolerance * np.abs(values).max()
+        np.testing.assert_allclose(mirrored[f"events/{column}"], values, rtol=0, atol=atol)
+
+
+LOADS = {  # load, packing of `runs`, strain
+    "pure-xy": ("disks", -0.028),
+    "compression": ("spheres", -0.03),
+    "0.3,-0.5,0.0,-1.0": ("soft disks", -0.02),
+}
+
+
+@pytest.fixture(scope="module")
+def loaded_runs(runs):
+    """{load: (packing, its events, `DensePath`)}."""
+    results = {}
+    for load, (name, strain) in LOADS.items():
+        packing, _ = runs[name]
+        result = jampetsc.shear(packing, step=STEP, strain=strain, load=load, events=True, discard=0.0)
+        results[load] = packing, result, DensePath(packing, LoadChoice(load).of(packing.dimension)[0])
+    return results
+
+
+@pytest.mark.parametrize("load", LOADS)
+def test_events_of_any_load_are_at_the_strains_of_a_dense_bisection(loaded_runs, load):
+    """Up to the first instability; stress V⁻¹ dU/dγ and p of all rows there, and work = ΔU + Σ drops."""
+    packing, result, path = loaded_runs[load]
+    assert result.attributes["load"] == load
+    sign = np.sign(result["strain"][-1])
+    strains, kinds = result["events/strain"], result["events/kind"]
+    unstable = np.append(np.flatnonzero(kinds == UNSTABLE), len(kinds))[0]
+    assert unstable >= 2
+    start = path.copy()
+    near = sign * min(1e-7, 0.1 * np.abs(np.diff(strains[:3], prepend=0.0)).min())
+    for event in range(2):
+        assert path.move_to(strains[event] - near)
+        assert changed_at(path, strains[event] + near) == pytest.approx(strains[event], abs=1e-12)
+        energy, work, *_ = path.derivatives()
+        assert result["events/energy"][event, 0] == pytest.approx(energy, rel=1e-9)
+        assert result["events/shear_stress"][event, 1] == pytest.approx(work / packing.volume, rel=1e-9)
+        assert path.move_to(strains[event] + near)
+    last = np.append(strains, np.inf * sign)[unstable]
+    for row in np.flatnonzero(sign * result["strain"] < sign * last)[::3]:
+        assert start.move_to(result["strain"][row])
+        energy, work, *_ = start.derivatives()
+        assert result["shear_stress"][row] == pytest.approx(work / packing.volume, rel=1e-8)
+        assert result["pressure"][row] == pytest.approx(start.pressure, rel=1e-8)
+    assert_energy_balance(packing, result)
+
+
+def test_a_load_and_its_reversal_below_the_first_instability_is_the_identity(loaded_runs):
+    for packing, result, path in loaded_runs.values():
+        unstable = result["events/strain"][result["events/kind"] == UNSTABLE]
+        rows = np.count_nonzero(np.abs(result["strain"]) < np.abs(np.append(unstable, np.inf)).min())
+        steps = {"step": STEP, "events": True, "discard": 0.0}
+        strain = result["strain"][rows - 1]
+        forward = jampetsc.shear(packing, strain=strain, load=path.load, **steps)
+        E = path.load.gradient @ np.linalg.inv(np.eye(packing.dimension) + strain * path.load.gradient)
+        back = jampetsc.shear(forward.last, strain=-strain, load=E, **steps)
+        assert back["energy"][-1] == pytest.approx(packing.record["energy"], rel=1e-10)
+        forth, return_ = (run["events/strain"][run["events/kind"] <= CLOSES] for run in (forward, back))
+        np.testing.assert_allclose(strain + return_[::-1], forth, rtol=0, atol=1e-12)
+
+
+def test_shear_of_another_plane_is_that_of_the_turned_packing(runs):
+    """u_y = γ z of spheres whose axes x, y and z are the former z, x and y."""
+    packing, result = runs["spheres"]
+    turned = jampetsc.Packing(
+        np.roll(packing.positions, 1, axis=1), packing.radii, np.roll(np.diag(packing.cell), 1)
+    )
+    other = jampetsc.shear(turned, step=STEP, strain=STRAIN, load="yz", events=True, discard=0.0)
+    assert changed_pairs(other, np.arange(turned.n)) == changed_pairs(result, np.arange(turned.n))
+    np.testing.assert_allclose(other["events/strain"], result["events/strain"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(other["shear_stress"], result["shear_stress"], rtol=1e-9)
 
 
 def test_every_row_is_a_minimum(runs):
@@ -244,7 +381,8 @@ def test_both_descents_end_in_minima_of_less_energy(runs, descent):
 
 def test_a_killed_run_continues_to_the_last_bit(runs, tmp_path, monkeypatch):
     packing, _ = runs["disks"]
-    job = {"start": packing, "step": 1e-3, "strain": 0.055, "events": True, "d2min": True, "discard": 0.0}
+    job = {"start": packing, "step": 1e-3, "strain": -0.055, "load": "pure-xy", "events": True, "d2min": True}
+    job["discard"] = 0.0
     whole = jampetsc.shear(**job, out=tmp_path / "whole.h5")
     left = stop_after(monkeypatch, 52)
     with pytest.raises(KeyboardInterrupt):
@@ -261,6 +399,35 @@ def test_a_killed_run_continues_to_the_last_bit(runs, tmp_path, monkeypatch):
     ):
         assert np.array_equal(whole[name], parts[name])
     assert whole["events/kind"][whole["events/largest"]] == UNSTABLE and (whole["events/d2min"] > 0.0).all()
+
+
+@pytest.mark.parametrize("name", ["disks", "spheres"])
+def test_d2min_is_the_rest_of_a_dense_fit(runs, name):
+    """Of the largest drop, by least squares over neighbours with a gap below half a mean diameter."""
+    packing, _ = runs[name]
+    result = jampetsc.shear(packing, step=STEP, strain=STRAIN, events=True, d2min=True, discard=0.0)
+    row = result["events/largest"]
+    assert row == np.argmax(result["events/drop"]) and result["events/kind"][row] == UNSTABLE
+    places, moved, cell = (result[f"events/{part}"] for part in ("positions", "displacement", "cell"))
+    assert cell[1, 0] / cell[1, 1] == pytest.approx(result["events/strain"][row], abs=1e-12)
+    before, after = (
+        jampetsc.Packing(x, packing.radii, cell, packing.potential.kind) for x in (places, places + moved)
+    )
+    drop = result["events/energy"][row, 0] - before.record["energy"]
+    assert drop == pytest.approx(0.0, abs=1e-9 * before.record["energy"])
+    assert after.record["energy"] == pytest.approx(result["events/energy"][row, 1], rel=1e-9)
+    reach = packing.radii + packing.radii[:, None] + 0.5 * np.mean(2 * packing.radii)
+    for particle in range(packing.n):
+        bonds, changes = [], []
+        for image in np.array(list(product((-1, 0, 1), repeat=packing.dimension))) @ cell:
+            r = places + image - places[particle]
+            near = (np.linalg.norm(r, axis=1) < reach[particle]) & (r**2).any(axis=1)
+            bonds.append(r[near])
+            changes.append((moved - moved[particle])[near])
+        bonds, changes = np.concatenate(bonds), np.concatenate(changes)
+        fit = np.linalg.lstsq(bonds, changes, rcond=None)[0]
+        expected = np.sum((changes - bonds @ fit) ** 2) / len(bonds)
+        assert result["events/d2min"][particle] == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_path_without_events_has_an_empty_table(runs, tmp_path):
