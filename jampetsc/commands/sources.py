@@ -19,7 +19,7 @@ WHERE = optional_parameter(
 
 
 class FitJob(Job):
-    """A job that fits numbers of many files, its `results`, of a study those of the rows that `where` chooses."""
+    """A job that fits numbers of many files, its `results`; of a study the rows that `where` chooses."""
 
     @property
     def formats(self) -> tuple[str, ...]:

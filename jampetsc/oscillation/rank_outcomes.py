@@ -27,7 +27,7 @@ def solve_alone(solve: Callable, points: Sequence, comm) -> list:
 class Outcomes:
     """The finished points of a run by their numbers.
 
-    records     {number: record}, at first those of an earlier run
+    records     {number: record}, at first of an earlier run
     failures    {number: ConvergenceError}
     """
 

@@ -85,7 +85,7 @@ class StepMatrix:
     def _unheld(self, bonds, values):
         """Stiffness added to rattlers that nothing holds, (N, dofs), else 0: more than the −f/r that pushes them aside.
 
-        A rattler is held if it touches a disk that is none, and if its own block of the matrix is positive definite, as
+        A rattler is held if it touches a disk of the backbone and its own block of the matrix is positive definite, as
         dashpots make it in short steps. Stiffness that is not there would let Newton's method converge linearly.
         """
         n, (i, j), touching = self._n, (bonds.pairs.i, bonds.pairs.j), bonds.overlap > 0.0

@@ -571,7 +571,7 @@ def test_rounding_is_no_energy_that_is_lost(imposed):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_newton_converges_in_a_few_steps_to_rattlers_that_dashpots_hold(dimension):
-    """A particle between two others: stiffness that is added to hold it would leave part of the residual at each step."""
+    """A particle between two others: stiffness added to hold it would leave part of the residual at each step."""
     motion = moving(1.0, 1e-2, law=physics().law, disks=bridge(dimension))
     motion.advance([Imposed(1e-3 * at, 1e-3) for at in (STAGE, 1.0)])
     assert motion.stages.iterations <= 7
