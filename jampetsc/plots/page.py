@@ -268,15 +268,12 @@ class Page:
             self._place(*legend)
         for axis in short:
             thin_ticks(axis)
+        if self._has_legend_above:
+            self.figure.get_layout_engine().execute(self.figure)
 
     def save(self, path) -> None:
         """Write the finished picture as `style.save` does. Raises JampetscError."""
-        engine = self.figure.get_layout_engine()
-        if self._is_final and not self._has_legend_above:
-            self.figure.set_layout_engine("none")  # the places that `finish` found: a third of the work
-        save(self.figure, path)
-        if engine is not None:
-            self.figure.set_layout_engine(engine)
+        save(self.figure, path, laid_out=self._is_final)
 
 
 def shown_colours(axes) -> list:
