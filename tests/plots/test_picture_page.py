@@ -18,7 +18,8 @@ from jampetsc.plots import style
 from jampetsc.plots.draw import MODULES, pictures, plain_text, table_bytes, table_rows
 from jampetsc.plots.flow_plots import plot_flow
 from jampetsc.plots.moduli_plots import plot_moduli
-from jampetsc.plots.page import Page, draw_band, draw_points, visible_labels
+from jampetsc.plots.page import Page, draw_band, draw_points
+from jampetsc.plots.ticks import visible_labels
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")
 
