@@ -151,6 +151,7 @@ def test_ticks_of_log_axes_are_few_and_written_alike(low, high, labels):
         assert [ax.xaxis.get_major_formatter()(tick, 0).strip("$") for tick in shown] == labels.split()
     else:
         np.testing.assert_allclose(np.log10(shown), [float(word) for word in labels.split()], atol=1e-9)
+        assert len(ax.xaxis.get_minorticklocs()) > len(shown)
 
 
 def test_labels_that_would_touch_are_taken_away():

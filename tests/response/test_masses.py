@@ -180,8 +180,9 @@ def test_finished_steps_are_not_repeated(session, jammed):
     omega = OMEGA[::2]
     whole = sweep_with_inertia(pencil, omega, 1e-6, save=save)
     assert whole.direct  # springs whose motion nothing damps: no bound but by single frequencies
-    part = {number: steps[number] for number in range(len(steps) // 2)}
-    again = sweep_with_inertia(pencil, omega, 1e-6, resume=part)
+    part, made = {number: steps[number] for number in range(len(steps) // 2)}, []
+    again = sweep_with_inertia(pencil, omega, 1e-6, resume=part, save=lambda number, *_: made.append(number))
+    assert made == list(range(len(part), len(steps)))
     np.testing.assert_allclose(again.G, whole.G, rtol=1e-9)
     assert (again.direct, again.vectors) == (whole.direct, whole.vectors)
 
