@@ -29,7 +29,9 @@ LONG = "figures help trade interrupted options oscillate_command pack documents"
 HANG = 300.0  # seconds after which a test without `allowed_seconds` hangs: every rank says where, and the run ends
 
 running = None  # the Session of this process
-dots = None  # per inch of a picture, those of its style
+DOTS = ("figure.dpi", "savefig.dpi")
+dots = {}  # per inch of a picture, those of its style
+gc.set_threshold(10_000)  # objects until garbage is looked for: at 700 pictures take a tenth longer
 signal.signal(
     signal.SIGINT, signal.default_int_handler
 )  # a shell ignores it in what it starts in the background
@@ -82,12 +84,13 @@ def pytest_collection_modifyitems(config, items):
 
 
 def pytest_collection_finish(session):
-    global dots
     if "jampetsc.plots.style" in sys.modules:  # dots cost time, and tests look at them with `own_dots`
         style = sys.modules["jampetsc.plots.style"].STYLE
-        dots, style["savefig.dpi"] = style["savefig.dpi"], 100
+        dots.update({name: style[name] for name in DOTS})
+        style.update(dict.fromkeys(DOTS, 100))
+    if "jampetsc.plots.sphere_drawing" in sys.modules:
+        sys.modules["jampetsc.plots.sphere_drawing"].VIEW_PIXELS = 400
     gc.freeze()  # what is imported by now stays
-    gc.set_threshold(10_000)  # objects until garbage is looked for: at 700 pictures take a tenth longer
 
 
 @pytest.fixture
@@ -122,7 +125,8 @@ def own_dots(monkeypatch):
     """Pictures have as many dots per inch as their style says."""
     from jampetsc.plots import style
 
-    monkeypatch.setitem(style.STYLE, "savefig.dpi", dots)
+    for name in DOTS:
+        monkeypatch.setitem(style.STYLE, name, dots[name])
 
 
 @pytest.fixture

@@ -23,11 +23,15 @@ def total(high, low=None):
 
 def all_pairs(positions, radii, cell, images=2):
     """Overlapping pairs i < j as lists i, j, r (M, D), by trying every image in turn."""
-    found = []
+    found, touching = [], (radii + radii[:, None]) ** 2
+    between = (positions[None] - positions[:, None]).astype(float)  # doubles tell those that are far away
+    near = np.triu((1.0 + 1e-6) * touching.astype(float), 1)
     for numbers in product(range(-images, images + 1), repeat=len(cell)):
-        r = positions[None] - positions[:, None] + np.array(numbers, LONG) @ cell
-        overlapping = (r**2).sum(axis=-1) < (radii + radii[:, None]) ** 2
-        found += [(i, j, r[i, j]) for i, j in np.argwhere(overlapping).tolist() if i < j]
+        shift = np.array(numbers, LONG) @ cell
+        for i, j in np.argwhere(((between + shift.astype(float)) ** 2).sum(axis=-1) < near).tolist():
+            r = positions[j] - positions[i] + shift
+            if (r**2).sum() < touching[i, j]:
+                found.append((i, j, r))
     i, j, r = zip(*found, strict=True) if found else ((), (), ())
     return list(i), list(j), np.array(r, LONG).reshape(-1, len(cell))
 
@@ -45,7 +49,7 @@ def backbone(n, i, j, force, threshold, least=3):
 
 
 def solve(A, b):
-    """A⁻¹ b in the precision of A and b: from doubles by refinement, or by elimination where that does not get there.
+    """A⁻¹ b, b (m,) or (m, L), in the precision of A and b: from doubles by refinement, or by elimination if need be.
 
     Refined means: the solution for a matrix whose elements differ from those of A by a few roundings in this
     precision, real and imaginary parts each (Higham, Accuracy and Stability of Numerical Algorithms, 2002,
@@ -74,7 +78,7 @@ def eliminated(A, b):
         A[[k, p]], x[[k, p]] = A[[p, k]], x[[p, k]]
         factor = A[k + 1 :, k] / A[k, k]
         A[k + 1 :, k + 1 :] -= factor[:, None] * A[k, k + 1 :]
-        x[k + 1 :] -= factor * x[k]
+        x[k + 1 :] -= np.multiply.outer(factor, x[k])
     for k in range(len(A) - 1, -1, -1):
         x[k] = (x[k] - A[k, k + 1 :] @ x[k + 1 :]) / A[k, k]
     return x
@@ -106,7 +110,7 @@ def _scaled_solve(A, columns):
     """A⁻¹ columns (m, L), A scaled to a unit diagonal first."""
     scale = 1 / np.sqrt(np.abs(np.diag(A)))
     A = A * np.outer(scale, scale)
-    return np.array([scale * solve(A, scale * column) for column in columns.T]).T
+    return scale[:, None] * solve(A, scale[:, None] * columns)
 
 
 class NewtonSteps:
@@ -214,10 +218,12 @@ class Reference:
             slide = across @ bond
             slide[:, D:d] = -self.radii[i] * (self.spins @ n).T
             slide[:, d + D : 2 * d] = -self.radii[j] * (self.spins @ n).T
-            K[np.ix_(at, at)] += bond.T @ hessian @ bond + self.springs * self.stiffness[c] * slide.T @ slide
+            block = np.ix_(at, at)
+            K[block] += bond.T @ hessian @ bond + self.springs * self.stiffness[c] * slide.T @ slide
             motions = (law.normal, along @ bond), (law.transverse, across @ bond), (law.sliding, slide)
             for weight, motion in motions:
-                B[np.ix_(at, at)] += damping * LONG(weight) * motion.T @ motion
+                if weight:
+                    B[block] += damping * LONG(weight) * motion.T @ motion
         moves = np.tile(np.arange(d) < D, self.n)
         B[range(m), range(m)] += damping * LONG(law.drag) * moves
         for row in np.flatnonzero(~moves):

@@ -15,7 +15,9 @@ names, commands = {}, set()
 gc.set_threshold(10_000)  # objects until garbage is looked for, as in conftest.py
 for item in json.load(sys.stdin):
     if "jampetsc.plots.style" in sys.modules:  # pictures are drawn, at a third of the dots
-        sys.modules["jampetsc.plots.style"].STYLE["savefig.dpi"] = 100
+        sys.modules["jampetsc.plots.style"].STYLE.update(dict.fromkeys(("figure.dpi", "savefig.dpi"), 100))
+    if "jampetsc.plots.sphere_drawing" in sys.modules:
+        sys.modules["jampetsc.plots.sphere_drawing"].VIEW_PIXELS = 400
     if isinstance(item, dict):
         os.chdir(item["folder"])
         names = {}

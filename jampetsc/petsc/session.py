@@ -17,6 +17,7 @@ import os
 import re
 import sys
 import traceback
+from functools import cache
 from pathlib import Path
 
 from jampetsc import streams
@@ -303,6 +304,7 @@ def _abort(kind, error, trace):
     _session.world.Abort(1)
 
 
+@cache  # it stays the same while every result of a process records it
 def mumps_version(maps: Path = Path("/proc/self/maps")) -> str:
     """The version in the file name of the MUMPS library that a process has loaded, by its memory map (Linux).
 

@@ -2,18 +2,17 @@
 
 import string
 from contextlib import contextmanager
-from itertools import pairwise
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from jampetsc.analysis.power_laws import power_law_window
 from jampetsc.errors import InputError, named
 from jampetsc.plots.legends import clear_corner, with_earlier
-from jampetsc.plots.style import COLUMN, GREY, PAGE, hidden, number, power_text, save
+from jampetsc.plots.style import COLUMN, GREY, PAGE, hidden, power_text, save
+from jampetsc.plots.ticks import lay_out, set_ticks, thin_ticks
 
 HEIGHT = 2.9  # inches of a picture of one panel
 MIN_LOG_RATIO = 1.6  # of the limits of a log axis
@@ -260,7 +259,7 @@ class Page:
         short = [axis for ax in axes for axis in (ax.xaxis, ax.yaxis) if set_ticks(axis)]
         if not self.laid_out:  # which also makes the ticks
             if self.is_new:
-                self.figure.get_layout_engine().execute(self.figure)  # less work than to draw it
+                lay_out(self.figure)
                 self._is_final = True
             else:
                 self.figure.draw_without_rendering()
@@ -268,15 +267,12 @@ class Page:
             self._place(*legend)
         for axis in short:
             thin_ticks(axis)
+        if self._has_legend_above:
+            lay_out(self.figure)
 
     def save(self, path) -> None:
         """Write the finished picture as `style.save` does. Raises JampetscError."""
-        engine = self.figure.get_layout_engine()
-        if self._is_final and not self._has_legend_above:
-            self.figure.set_layout_engine("none")  # the places that `finish` found: a third of the work
-        save(self.figure, path)
-        if engine is not None:
-            self.figure.set_layout_engine(engine)
+        save(self.figure, path, laid_out=self._is_final)
 
 
 def shown_colours(axes) -> list:
@@ -309,57 +305,6 @@ def draw_points(ax, x, y, error=None, **look):
         for ends in (np.maximum(y - half_widths[0], y / 3), np.minimum(y + half_widths[1], 3 * y)):
             ax.update_datalim(np.column_stack((x, ends)))
     return drawn
-
-
-MIN_POWER_DECADES = 2.0  # of an axis that has labels at powers of ten alone
-MAX_LABELS = 7  # of powers of ten at most
-_STEPS = ((1, 2, 5), (1, 3), (1,))  # labels in a decade, many to few
-
-
-def set_ticks(axis) -> bool:
-    """Set ticks of a log axis: few powers of ten, on less than two decades also steps between; whether it has steps."""
-    if axis.get_scale() != "log" or isinstance(axis.get_major_locator(), FixedLocator):
-        return False
-    low, high = np.log10(sorted(axis.get_view_interval()))
-    axis.set_minor_formatter(NullFormatter())
-    if high - low >= MIN_POWER_DECADES:
-        step = int(np.ceil((np.floor(high) - np.ceil(low) + 1) / MAX_LABELS))
-        axis.set_major_locator(LogLocator(10.0**step, numticks=99))
-        between = {"base": 10.0} if step > 1 else {"subs": range(2, 10)}
-        axis.set_minor_locator(LogLocator(**between, numticks=99))
-        return False
-    axis.set_minor_locator(LogLocator(subs=range(2, 10)))
-    return _label(axis, _STEPS[0])
-
-
-def thin_ticks(axis) -> None:
-    """Take labels of a short log axis that is laid out away until they stand apart."""
-    for steps in _STEPS:
-        if not _label(axis, steps):
-            return
-        boxes = [label.get_window_extent().padded(0.03 * axis.figure.dpi) for label in visible_labels(axis)]
-        if not any(first.overlaps(second) for first, second in pairwise(boxes)):
-            return
-
-
-def _label(axis, steps):
-    """Label steps of each decade; with less than two in sight even steps, and false."""
-    low, high = sorted(axis.get_view_interval())
-    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.log10(high))
-    shown = [value for value in np.outer(decades, steps).ravel() if low <= value <= high]
-    many = len(shown) > 1
-    plain = all(1e-3 <= value < 1e4 for value in shown or (low, high))
-    axis.set_major_locator(LogLocator(subs=steps) if many else MaxNLocator(4, steps=(1, 2, 5, 10)))
-    axis.set_major_formatter(lambda value, _: f"${value:g}$" if plain else f"${number(value)}$")
-    if not many:
-        axis.set_minor_locator(NullLocator())
-    return many
-
-
-def visible_labels(axis):
-    """The labels in sight."""
-    (low, high), along = sorted(axis.get_view_interval()), "xy".index(axis.axis_name)
-    return [label for label in axis.get_majorticklabels() if low <= label.get_position()[along] <= high]
 
 
 @contextmanager

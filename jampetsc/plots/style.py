@@ -192,11 +192,16 @@ def _unused_colours(shown) -> list:
     return [colour for colour in cycle if to_rgb(colour) not in shown] or cycle
 
 
-def save(fig, path) -> None:
-    """Write the picture in the format of its ending, complete or not at all. Raises JampetscError."""
+def save(fig, path, laid_out=False) -> None:
+    """Write the picture in the format of its ending, complete or not at all. Raises JampetscError.
+
+    laid_out   whether all has its place already: to find it again would double the work
+    """
     suffix = Path(os.path.realpath(path)).suffix.lower()
-    image = io.BytesIO()
+    image, engine = io.BytesIO(), fig.get_layout_engine()
     with drawn_in():
+        if laid_out:
+            fig.set_layout_engine(None)  # with "none" matplotlib 3.6 draws twice
         try:
             fig.savefig(image, format=suffix[1:], metadata=FORMATS[suffix])
         except (ValueError, OverflowError) as error:
@@ -205,6 +210,9 @@ def save(fig, path) -> None:
                 raise
             why = f"SOURCE_DATE_EPOCH {date}: no date for a picture ({error}). Give seconds since 1970, or unset it."
             raise InputError(why) from None
+        finally:
+            if engine is not None:
+                fig.set_layout_engine(engine)
     content = image.getvalue()
     if suffix == ".svg":
         content = _numbered_clips(content)

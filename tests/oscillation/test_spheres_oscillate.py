@@ -7,7 +7,7 @@ import pytest
 from dense import Reference
 from oscillations import steady_oscillation
 from powerlaw import Motion, Opening
-from samples import network_of, physics, put
+from samples import network_of, on_ranks, physics, put
 from sheared import forces
 from spheres import few_spheres
 from whole_arrays import unknowns
@@ -45,7 +45,9 @@ def balanced_spheres(n=16):
 
 
 @pytest.mark.most_ranks(3)
-@pytest.mark.parametrize("options", [ROLLING, SMOOTH, BOTH], ids=["rolling", "smooth", "both"])
+@pytest.mark.parametrize(
+    "options", on_ranks([ROLLING, SMOOTH, BOTH], [BOTH]), ids=["rolling", "smooth", "both"]
+)
 def test_linear_damping_of_fixed_contacts_is_the_dense_modulus(session, options):
     """Of a strain and of a stress, along any load."""
     loads = named_loads(3)

@@ -143,6 +143,9 @@ FEWER = {  # in the studies: pressures, frequencies and models that pictures and
     '"1e-6", "1e-5", "1e-4", "1e-3", "1e-2", "1e-1", 1, 10': '"1e-6", "1e-2", 1',
     "1e-8,1e-7,1e-6,1e-5,1e-4,1e-3,1e-2,1e-1,1,1e1,1e2": "1e-8,1e-4,1,1e2",
     'lane = "0.5,0.25,0.125"': 'lane = "0.5,0.25"',
+    "strain = 3e-7": "strain = 6e-8",
+    "step = 2e-3\n": "step = 1e-2\n",
+    "accuracy = 1e-2\n": "accuracy = 1e-1\n",
 }
 LESS = {  # a figure of which something has to be smaller, or must not be
     "bt-fig7": sizes("N=36 OMEGA=1e-7:10:3"),  # two disks in a lane
@@ -152,7 +155,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     "contact-lifetimes": sizes(
         "RATE=0.05 SLOW=0.03 BOUND,SLOW_BOUND=0.4 EVERY,COLLISION,SLOW_COLLISION=0.02"
     ),
-    "crystals": sizes("SEEDS=2 STRAIN=0.1 SPHERES=16 SPHERE_SEEDS=2 SPHERE_STRAIN=0.1"),
+    "crystals": sizes("SEEDS=2 STRAIN=0.02 SPHERES=16 SPHERE_SEEDS=2 SPHERE_STRAIN=0.02"),
     "finite-size-flow": {
         "CELLS": "16:0.2:3e-4,2e-4,1e-4 20:0.2:3e-4,2e-4,1e-4 24:0.2:3e-4,2e-4,1e-4",
         "OTHERS": "16:0.1:3e-4",

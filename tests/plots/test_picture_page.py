@@ -18,7 +18,8 @@ from jampetsc.plots import style
 from jampetsc.plots.draw import MODULES, pictures, plain_text, table_bytes, table_rows
 from jampetsc.plots.flow_plots import plot_flow
 from jampetsc.plots.moduli_plots import plot_moduli
-from jampetsc.plots.page import Page, draw_band, draw_points, visible_labels
+from jampetsc.plots.page import Page, draw_band, draw_points
+from jampetsc.plots.ticks import visible_labels
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")
 
@@ -150,6 +151,7 @@ def test_ticks_of_log_axes_are_few_and_written_alike(low, high, labels):
         assert [ax.xaxis.get_major_formatter()(tick, 0).strip("$") for tick in shown] == labels.split()
     else:
         np.testing.assert_allclose(np.log10(shown), [float(word) for word in labels.split()], atol=1e-9)
+        assert len(ax.xaxis.get_minorticklocs()) > len(shown)
 
 
 def test_labels_that_would_touch_are_taken_away():

@@ -64,8 +64,8 @@ sweep p.h5 --load wave:1,0:transverse+wave:0,1:transverse --omega 1 --out waves.
 modes p.h5 --count 10 --load tensor --out shares.h5
 correlate sweep.h5 --out correlation.h5
 oscillate p.h5 --out oscillate.h5 --omega 1e-3 --stress 1e-9 --steps 16
-oscillate p.h5 --out moving.h5 --contacts moving --omega 1e-2 --strain 1e-9 --steps 16
-relax p.h5 --out relax.h5 --strain 1e-6,1e-3 --times 0.1,1 --accuracy 1e-2
+oscillate made.h5 --out moving.h5 --contacts moving --omega 1e-2 --strain 1e-6 --steps 16 --cycles 3
+relax made.h5 --out relax.h5 --strain 1e-6,1e-3 --times 0.1,1 --accuracy 1e-2
 flow made.h5 --law contact --mass 1 --rate 1e-2 --strain 0.5 --discard 0.1 --snapshots 2 --out flow.h5
 correlate flow.h5 --out velocities.h5
 merge flow.h5 --out merged.h5
