@@ -275,10 +275,10 @@ def test_large_errors_of_moving_contacts_are_noted(session):
     """Of those amplitudes alone whose G' or G'' is known worse than to 5 %."""
     law = jampetsc.ContactDamping(rotations=False)
     settings = {"omega": 0.1, "contacts": "moving", "steps": 16, "cycles": 3, "law": law}
-    result = jampetsc.oscillate(published(), strain=[1e-6, 1e-2], **settings)
+    result = jampetsc.oscillate(published(), strain=[1e-6, 5e-2], **settings)
     G, errors = result["G"].ravel(), result["G_error"].ravel()
     shares = np.maximum(abs(errors.real / G.real), abs(errors.imag / G.imag))
     assert shares[0] < 0.05 < shares[1]
-    note = "uncertain: errors of G' or G'' exceed 5 % at strain 0.01. Give more steps or cycles"
+    note = "uncertain: errors of G' or G'' exceed 5 % at strain 0.05. Give more steps or cycles"
     assert result.attributes["notes"] == note
     assert "notes" not in jampetsc.oscillate(published(), strain=1e-6, **settings).attributes
