@@ -127,7 +127,11 @@ class FollowedMinimum(StepwiseShear):
             self._evaluate()
             self._require_contacts()
             if not branch.factorise():
-                break
+                light = (branch.active != OPEN_PAIR) & (branch.overlaps <= self._touch)
+                if not light.any():
+                    break
+                branch.active[light] = OPEN_PAIR  # of a soft potential, they hold nothing any more
+                continue
             rest = np.zeros_like(self.offsets)
             start = BranchState(0.0, self.offsets, self.shear, rest, None, rest, 0.0, None, 0.0)
             result = branch.advance(start, 0.0)

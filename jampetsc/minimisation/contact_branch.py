@@ -43,7 +43,8 @@ from jampetsc.packing.compiled import NUMBERS, compiled, nested
 
 OPEN_PAIR, BEARING, WEIGHTLESS, STARTING = map(np.int8, range(4))  # of a pair
 MAX_LINEAR_STEPS = 400  # of conjugate gradients
-MAX_NEWTON_STEPS = 12
+# A contact of force ∝ δ^(α − 1) that loses it has (α − 2)/(α − 1) of its δ after each: a third if Hertzian.
+MAX_NEWTON_STEPS = 20
 NEWTON_TOLERANCE = 1e-3  # of the linear solves of a Newton step, relative
 FORCE_ROUNDING = 4e-16  # of k σ of each contact: what rounding leaves of the force on a disk
 PROGRESS = 0.5  # of the residual in a Newton step; less near rounding is the end
@@ -252,13 +253,14 @@ def correct(pairs, active, loose, gradient, potential, scalars, shift, factor, m
     sides = 2 if len(mode) else 1
     for step in range(MAX_NEWTON_STEPS + 1):
         sums = evaluate(pairs, active, loose, o, g, gradient, potential, usual, point)
-        largest = 0.0  # in units of what rounding leaves
+        # In units of what rounding leaves or, of contacts that lose their force, what linear solves do.
+        largest, floor = 0.0, NEWTON_TOLERANCE * np.max(rounding)
         for k in range(len(forces)):
             square = 0.0
             for a in range(forces.shape[1]):
                 square += forces[k, a] * forces[k, a]
             if square > 0.0:
-                ratio = np.sqrt(square) / rounding[k]
+                ratio = np.sqrt(square) / max(rounding[k], floor)
                 if not ratio <= largest:
                     largest = ratio
         rest = goal - dot(mode.reshape(-1), moved.reshape(-1)) if len(mode) else 0.0

@@ -440,6 +440,17 @@ def test_a_path_without_events_has_an_empty_table(runs, tmp_path):
     assert "events/d2min" not in result
 
 
+@pytest.mark.parametrize(
+    ("seed", "potential", "steps"),
+    [(1, {"potential": "hertzian"}, 6), (8, {"potential": "power", "exponent": 3.0}, 2)],
+)
+def test_contacts_that_lose_their_force_are_no_obstacle(session, seed, potential, steps):
+    """Eight Hertzian disks that hardly press, at 0.0054; a disk that two contacts without stiffness hold, at 0.0015."""
+    packing = jampetsc.pack(n=256, pressure=1e-3, seed=seed, **potential)
+    found = jampetsc.shear(packing, step=1e-3, strain=steps * 1e-3, discard=0.0, events=True)
+    assert len(found["pressure"]) == steps and np.all(found["jammed"] == 1)
+
+
 def test_particles_that_come_apart_are_named(session):
     with pytest.raises(Exception, match="particles come apart"):
         jampetsc.shear(n=16, phi=0.7, step=1e-2, strain=0.02, events=True)
