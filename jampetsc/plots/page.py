@@ -12,7 +12,7 @@ from jampetsc.analysis.power_laws import power_law_window
 from jampetsc.errors import InputError, named
 from jampetsc.plots.legends import clear_corner, with_earlier
 from jampetsc.plots.style import COLUMN, GREY, PAGE, hidden, power_text, save
-from jampetsc.plots.ticks import lay_out, set_ticks, thin_ticks
+from jampetsc.plots.ticks import lay_out_figure, set_ticks, thin_ticks
 
 HEIGHT = 2.9  # inches of a picture of one panel
 MIN_LOG_RATIO = 1.6  # of the limits of a log axis
@@ -259,7 +259,7 @@ class Page:
         short = [axis for ax in axes for axis in (ax.xaxis, ax.yaxis) if set_ticks(axis)]
         if not self.laid_out:  # which also makes the ticks
             if self.is_new:
-                lay_out(self.figure)
+                lay_out_figure(self.figure)
                 self._is_final = True
             else:
                 self.figure.draw_without_rendering()
@@ -268,7 +268,7 @@ class Page:
         for axis in short:
             thin_ticks(axis)
         if self._has_legend_above:
-            lay_out(self.figure)
+            lay_out_figure(self.figure)
 
     def save(self, path) -> None:
         """Write the finished picture as `style.save` does. Raises JampetscError."""

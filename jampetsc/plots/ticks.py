@@ -58,7 +58,7 @@ def visible_labels(axis):
     return [label for label in axis.get_majorticklabels() if low <= label.get_position()[along] <= high]
 
 
-def lay_out(figure) -> None:
+def lay_out_figure(figure) -> None:
     """Give all on a figure its place: less work than to draw it, and half of that without minor ticks."""
     axes = [axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)]
     minor = {
