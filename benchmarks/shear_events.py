@@ -2,6 +2,7 @@
 
     .venv/bin/python benchmarks/shear_events.py [--seeds 1:20] [--rows 30] [--load compression]
     .venv/bin/python benchmarks/shear_events.py --speed 1024:1e-3:1e-4:30
+    .venv/bin/python benchmarks/shear_events.py --paths [--seeds 1:20] [--rows 30]
 
 For each family of packings (disks, spheres, crystals, sizes 1:10, potentials) and seed: the packing is strained by the
 load, simple shear if none is given, to and fro by `EventShear`. At each row the Hessian of the disks as they are is
@@ -9,11 +10,13 @@ built again and its eigenvalues are computed, dense; forces must vanish, and ∫
 rule between rows and events. A line for each family: packings, those that came apart, events by kind, the lowest
 eigenvalue, the largest error of the energy balance, and whatever else stopped a run.
 
-With --speed N:p:step:rows events per second, beside stepwise shear of the same packing with the same step.
+With --speed N:p:step:rows events per second, beside stepwise shear of the same packing with the same step. With --paths
+the same families, larger: how many descents end in another minimum when their steps have a hundredth of the error.
 """
 
 import argparse
 from collections import Counter
+from contextlib import suppress
 from functools import partial
 
 import common
@@ -24,9 +27,11 @@ import jampetsc
 from jampetsc.commands.shear import DESCENTS
 from jampetsc.errors import ConvergenceError
 from jampetsc.jamming.event_table import UNSTABLE
+from jampetsc.jamming.instability import DESCENT_TOLERANCE, usual_overlap
 from jampetsc.jamming.shear_events import EventShear
 from jampetsc.jamming.stepwise_shear import StepwiseShear
 from jampetsc.laws.loads import DEFAULT, LoadChoice
+from jampetsc.minimisation.overdamped import OverdampedDescent
 from jampetsc.packing.contacts import measure
 from jampetsc.petsc import session
 from jampetsc.petsc.hessian_solver import HessianSolver
@@ -120,6 +125,36 @@ def check_families(seeds, rows, choice):
         )
 
 
+class FinerDescents(EventShear):
+    """Counts descents, and those that end in another minimum with smaller steps."""
+
+    falls = elsewhere = 0
+
+    def _descend(self, disks):
+        usual = super()._descend(disks)
+        overlap = 0.01 * usual_overlap(disks, measure(disks).pressure)
+        finer = OverdampedDescent(disks, self.solver, self._stiffness, overlap)
+        energy = measure(finer.relax(DESCENT_TOLERANCE, self._separated_pressure)).energy
+        self.falls += 1
+        self.elsewhere += not np.isclose(energy, measure(usual).energy, rtol=1e-8)
+        return usual
+
+
+def check_paths(seeds, rows, choice):
+    """A line for each family: descents that end elsewhere."""
+    for name, (settings, step) in FAMILIES.items():
+        falls = elsewhere = 0
+        for seed in seeds:
+            packing = jampetsc.pack(**settings | {"n": 4 * settings["n"]}, seed=seed)
+            load = choice.of(packing.dimension)[0]
+            shear = FinerDescents(packing, step, HessianSolver(), TOLERANCE, load=load)
+            with suppress(ConvergenceError):  # packings that come apart
+                for _ in range(rows):
+                    shear.advance()
+            falls, elsewhere = falls + shear.falls, elsewhere + shear.elsewhere
+        print(f"{name}: {falls} descents, {elsewhere} elsewhere with a hundredth of the error", flush=True)
+
+
 def measure_speed(n, pressure, step, rows, descent):
     """Lines of events, of stepwise shear, and their ratio."""
     packing = jampetsc.load(common.packing(n, pressure))
@@ -152,6 +187,7 @@ def main():
     parser.add_argument("--rows", type=int, default=30)
     parser.add_argument("--load", type=LoadChoice, default=LoadChoice(DEFAULT))
     parser.add_argument("--speed", metavar="N:P:STEP:ROWS")
+    parser.add_argument("--paths", action="store_true")
     parser.add_argument("--descent", choices=DESCENTS, default=DESCENTS[0], help="of --speed")
     args = parser.parse_args()
     session.start("real", [])
@@ -159,6 +195,8 @@ def main():
     if args.speed:
         n, pressure, step, rows = args.speed.split(":")
         measure_speed(int(n), pressure, float(step), int(rows), args.descent)
+    elif args.paths:
+        check_paths(args.seeds, args.rows, args.load)
     else:
         check_families(args.seeds, args.rows, args.load)
 

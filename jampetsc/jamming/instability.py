@@ -16,20 +16,20 @@ def usual_overlap(disks, pressure: float) -> float:
     return disks.potential.overlap_at(2.0 * typical_force(disks, pressure), 2.0 * float(np.mean(disks.radii)))
 
 
-def pushed_offsets(branch, disks, offsets, shear, pressure, floor, mode):
+def pushed_offsets(branch, disks, offsets, shear, pressure, least_force, mode):
     """Offsets (N, D) after a move along a mode (N, D), so far that contacts pull disks on; loose ones make way.
 
     branch     `ShearBranch` with the contacts after the event
     disks      as they are listed
     pressure   at the event
-    floor      max |F| that rounding leaves
+    least_force    max |F| at which the descent would end
 
     None where no move is pulled on.
     """
-    force, overlap = typical_force(disks, pressure), usual_overlap(disks, pressure)
+    overlap = usual_overlap(disks, pressure)
     unit = branch.with_loose(mode, 0.0) / np.sqrt(np.max(np.sum(mode * mode, axis=1)))
     backbone = np.where(branch.loose[:, None], 0.0, unit)
-    least = MIN_PULL_RATIO * max(DESCENT_TOLERANCE * force, floor) * np.sqrt(np.sum(backbone * backbone))
+    least = MIN_PULL_RATIO * least_force * np.sqrt(np.sum(backbone * backbone))
     size = PUSH_RATIO * overlap
     while size < MAX_PUSH_RATIO * overlap:
         trial = offsets.copy()

@@ -12,11 +12,17 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.jamming.branch_follower import CONTACT, LOST, SYMMETRY, TARGET, TURN
 from jampetsc.jamming.event_table import CLOSES, HIDDEN, LEAVES, OPENS, TOUCHES, UNSTABLE, EventTable
 from jampetsc.jamming.followed_minimum import CameApart, FollowedMinimum
-from jampetsc.jamming.instability import descend_steepest, displacement_between, pushed_offsets
+from jampetsc.jamming.instability import (
+    DESCENT_TOLERANCE,
+    descend_steepest,
+    displacement_between,
+    pushed_offsets,
+)
 from jampetsc.jamming.stepwise_shear import RESTART_STEPS, StrainStep
 from jampetsc.minimisation import warm_start
 from jampetsc.minimisation.contact_branch import OPEN_PAIR, WEIGHTLESS
 from jampetsc.minimisation.protocols import MAX_SHAKES
+from jampetsc.packing.contacts import typical_force
 from jampetsc.packing.packing import deformed
 
 FOLD_RATIO = 2.0  # of the moves that make a list stale to those after which a new one is made
@@ -151,21 +157,22 @@ class EventShear(FollowedMinimum):
 
     def _fall(self, mode, before, lowest):
         """An instability: descend from here along a mode to another minimum at this strain."""
-        start = self.disks
+        start, is_steepest = self.disks, self.descent != "lbfgs"
+        tolerance = DESCENT_TOLERANCE if is_steepest else self._quench_tolerance
+        force = max(tolerance * typical_force(self.reference, before.pressure), self._floor)
         pushed = pushed_offsets(
-            self.branch, self.reference, self.offsets, self.shear, before.pressure, self._floor, mode
+            self.branch, self.reference, self.offsets, self.shear, before.pressure, force, mode
         )
         if pushed is None:
             self._quench_on(before, lowest)
             return
         disks = deformed(self.reference, pushed, self.cell_strain).folded()
-        if self.descent == "lbfgs":
-            disks = self._quench(disks)
-        else:
-            disks = descend_steepest(
-                disks, self.solver, self._stiffness, self._separated_pressure, self.effort
-            )
+        disks = self._descend(disks) if is_steepest else self._quench(disks)
         self._land(start, disks, before, lowest)
+
+    def _descend(self, disks):
+        """The minimum that steepest descent leads to."""
+        return descend_steepest(disks, self.solver, self._stiffness, self._separated_pressure, self.effort)
 
     def _land(self, start, disks, before, lowest, kind=UNSTABLE):
         """Continue from another minimum, `disks`, than `start`, where an instability was."""

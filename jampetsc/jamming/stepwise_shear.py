@@ -145,11 +145,13 @@ class StepwiseShear(ListedPacking):
         """See `ListedPacking`."""
         return simple_shear(self.shear)
 
+    @property
+    def _quench_tolerance(self) -> float:
+        """A saddle that was just left is at rest to a larger one."""
+        return min(self.tolerance, NEWTON_START_FORCE)
+
     def _quench(self, disks, shakes=0) -> Packing:
-        effort = Effort()
-        tolerance = min(
-            self.tolerance, NEWTON_START_FORCE
-        )  # a saddle that was just left is at rest to a larger one
+        effort, tolerance = Effort(), self._quench_tolerance
         minimum = minimise(
             disks, Goal(), self.solver, tolerance=tolerance, shakes=shakes, team=self.team, effort=effort
         )

@@ -379,6 +379,16 @@ def test_both_descents_end_in_minima_of_less_energy(runs, descent):
     assert other["events/drop"][1] > 0.0 and other["proved"].all()
 
 
+@pytest.mark.parametrize("descent", DESCENTS)
+def test_disks_are_pushed_until_their_descent_begins(descent):
+    """However loose the forces are at which a quench ends."""
+    packing = jampetsc.pack(n=24, pressure=1e-3, seed=5)
+    job = {"step": 1e-3, "strain": 0.01, "events": True, "discard": 0.0, "tolerance": 1e-5}
+    result = jampetsc.shear(packing, descent=descent, **job)
+    falls = result["events/kind"] == UNSTABLE
+    assert falls.any() and (result["events/drop"][falls] > 0.0).all()
+
+
 def test_a_killed_run_continues_to_the_last_bit(runs, tmp_path, monkeypatch):
     packing, _ = runs["disks"]
     job = {"start": packing, "step": 1e-3, "strain": -0.055, "load": "pure-xy", "events": True, "d2min": True}
