@@ -31,7 +31,7 @@ from jampetsc.packing.neighbour_list import ListedPacking
 from jampetsc.packing.neighbours import lengths
 
 MAX_TIME_STEPS = 20_000
-ERROR_RATIO = 0.3  # of the overlap of a typical contact: largest error of the place of a disk in one step
+ERROR_RATIO = 0.1  # of the overlap of a typical contact: largest error of the place of a disk in one step
 MAX_STAGES = 80  # of an explicit step; as many forces take longer than a factor of the Hessian and its solves
 SKIN = 0.1  # mean diameters, of a list: disks hardly move
 SAFETY, MIN_RATIO, MAX_RATIO = 0.8, 0.2, 4.0  # of a step to its predecessor
