@@ -53,7 +53,7 @@ def chebyshev_step(pairs, o, forces, strain, potential, h, table, place, move, o
 
     table    of `coefficients`
     place, move, older    (N, D), overwritten
-    later    (N, D), to which the forces at the end are written; `sums` are those of `bond_forces` there
+    later    (N, D), to which the forces at the end are written; `sums` are of `bond_forces` there
 
     error: the largest component of the error of a place; the move (N, D) of the disks is one of the arrays given.
     """
@@ -100,14 +100,14 @@ def farthest(o, move):
 
 
 @compiled(FAST)
-def largest_eigenvalue(pairs, o, strain, potential):
+def eigenvalue_bound(pairs, o, strain, potential):
     """A bound on the eigenvalues of the Hessian at offsets o, without pre-stress, which lowers them.
 
-    By (a − b)² ≤ 2a² + 2b² it is twice the largest norm of Σ k n nᵀ over the contacts of a disk.
+    By (a − b)² ≤ 2a² + 2b² it is twice the largest norm of Σ k n nᵀ over the contacts of a disk, here by its rows.
     """
     i, j, r0, sigma = pairs.i, pairs.j, pairs.r0, pairs.sigma
     axes = o.shape[1]
-    held = np.zeros((o.shape[0], axes, axes))
+    blocks = np.zeros((o.shape[0], axes, axes))
     for p in range(len(i)):
         a, b = i[p], j[p]
         r = bond_vector(strain, entry(r0, p), difference(o, a, b, r0))
@@ -118,13 +118,13 @@ def largest_eigenvalue(pairs, o, strain, potential):
             for first in range(axes):
                 for second in range(axes):
                     share = k * r[first] * r[second]
-                    held[a, first, second] += share
-                    held[b, first, second] += share
+                    blocks[a, first, second] += share
+                    blocks[b, first, second] += share
     largest = 0.0
-    for k in range(o.shape[0]):
+    for disk in range(o.shape[0]):
         for first in range(axes):
             total = 0.0
             for second in range(axes):
-                total += abs(held[k, first, second])
+                total += abs(blocks[disk, first, second])
             largest = max(largest, total)
     return 2.0 * largest

@@ -1,7 +1,7 @@
 """Steepest descent x' = F(x) of disks in a fixed cell: the overdamped dynamics, to the minimum that it leads to.
 
-Short time steps h, those of avalanches in which contacts open and close, are explicit (`chebyshev`), and cost less than
-a factor of the Hessian. Long ones follow the linearly implicit Euler method (Hairer & Wanner, Solving Ordinary
+Short time steps h, as in avalanches where contacts open and close, are explicit (`chebyshev`), and cost less than a
+factor of the Hessian. Long ones follow the linearly implicit Euler method (Hairer & Wanner, Solving Ordinary
 Differential Equations II, 1996, sec. IV.9), which is stable for any h, and never steps over a saddle:
 
     (1/h + K) a = F(x),    x' = x + a,    (1/h + K) a' = F(x'),    error ½ (a' − a).
@@ -19,8 +19,8 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.minimisation.chebyshev import (
     chebyshev_step,
     coefficients,
+    eigenvalue_bound,
     farthest,
-    largest_eigenvalue,
     stages_for,
 )
 from jampetsc.minimisation.ldl import solve
@@ -95,7 +95,7 @@ class OverdampedDescent(ListedPacking):
         """One time step with an error of at most `longest`, in which the energy falls; whether there is one."""
         growth = MAX_RATIO
         rounding = ENERGY_ROUNDING * self._sums.energy + DISTANCE_ROUNDING * self._virial
-        largest = largest_eigenvalue(self.pairs, self.offsets, self.cell_strain, self._potential)
+        largest = eigenvalue_bound(self.pairs, self.offsets, self.cell_strain, self._potential)
         while self.step * self.stiffness > MIN_STEP:
             stages = stages_for(self.step * largest)
             if stages <= MAX_STAGES:
