@@ -182,7 +182,7 @@ def _invert(d, inverse):
 
 
 @nested(NUMBERS, forceinline=True)
-def _factorise_in_space(order, start, column, pair, blocks, diagonal):
+def _factorise_in_space(order, i, start, column, pair, blocks, diagonal):
     """`factorise` for 3×3 blocks, of what `rows_below` gives."""
     n = len(order)
     parent, begin = _tree(start, column)
@@ -193,9 +193,13 @@ def _factorise_in_space(order, start, column, pair, blocks, diagonal):
     seen, path, pattern = np.full(n, -1), np.empty(n, np.int64), np.empty(n, np.int64)
     for k in range(n):
         top = _find_pattern(k, start, column, parent, seen, path, pattern)
+        disk = order[k]
         for e in range(start[k], start[k + 1]):
-            w[column[e]] -= blocks[pair[e]]
-        d[:] = diagonal[order[k]]
+            a, p = column[e], pair[e]
+            for x in range(3):
+                for y in range(3):
+                    w[a, x, y] -= blocks[p, x, y] if i[p] == disk else blocks[p, y, x]
+        d[:] = diagonal[disk]
         for q in range(top, n):
             c = pattern[q]
             above[:] = w[c]
@@ -235,13 +239,14 @@ def _factorise_in_space(order, start, column, pair, blocks, diagonal):
 def factorise(order, i, j, blocks, chosen, diagonal):
     """L D Lᵀ, in `order`, of a matrix with −blocks (M, D, D) of the chosen pairs (M,) and `diagonal`.
 
-    The blocks are symmetric; for `diagonal` see `diagonal_of`. Returns (definite, factor): factor is (order,
-    begin (N + 1,), row (nonzeros,), L followed by D⁻¹ (nonzeros + N, 4) or (nonzeros + N, 3, 3)), four arrays only,
-    since numba takes long to inspect longer tuples; of no disk where the matrix is not definite.
+    A_ij, of the rows of i and the columns of j, is minus a block; for `diagonal` see `diagonal_of`. Returns (definite,
+    factor): factor is (order, begin (N + 1,), row (nonzeros,), L followed by D⁻¹ (nonzeros + N, 4) or
+    (nonzeros + N, 3, 3)), four arrays only, since numba takes long to inspect longer tuples; of no disk where the
+    matrix is not definite.
     """
     start, column, pair = rows_below(order, i, j, chosen)
     if diagonal.ndim == 3:
-        return _factorise_in_space(order, start, column, pair, blocks, diagonal)
+        return _factorise_in_space(order, i, start, column, pair, blocks, diagonal)
     n = len(order)
     parent, begin = _tree(start, column)
     fill = begin[:-1].copy()
@@ -251,12 +256,11 @@ def factorise(order, i, j, blocks, chosen, diagonal):
     seen, path, pattern = np.full(n, -1), np.empty(n, np.int64), np.empty(n, np.int64)
     definite = True
     for k in range(n):
-        top = _find_pattern(k, start, column, parent, seen, path, pattern)
+        top, disk = _find_pattern(k, start, column, parent, seen, path, pattern), order[k]
         for e in range(start[k], start[k + 1]):
             a, p = column[e], pair[e]
             for b in range(4):
-                w[a, b] -= blocks[p, b // 2, b % 2]
-        disk = order[k]
+                w[a, b] -= blocks[p, b // 2, b % 2] if i[p] == disk else blocks[p, b % 2, b // 2]
         d0, d1, d2 = diagonal[disk, 0], diagonal[disk, 1], diagonal[disk, 2]
         for q in range(top, n):
             c = pattern[q]

@@ -354,6 +354,41 @@ def test_curved_steps_follow_the_forces(sample):
         np.testing.assert_allclose(bend, difference, rtol=1e-3, atol=1e-3 * np.abs(forces).max())
 
 
+@pytest.mark.parametrize(
+    ("sample", "options", "free"),
+    [
+        (published, {}, True),
+        (published, {"rotations": False, "tau1": 2.0}, False),
+        (few_spheres, {"rotations": False}, False),
+        (few_spheres, {"beta": 3.0}, True),
+    ],
+)
+def test_the_matrix_of_a_step_is_the_derivative_of_its_forces(sample, options, free):
+    """By differences of the residual forces; with spins, whose blocks are not symmetric, and with a free strain."""
+    rng, h = np.random.default_rng(1), 0.7
+    motion = moving(1.0, 1e-3, law=physics(**options).law, disks=sample())
+    still = np.zeros(motion.offsets.shape)
+    imposed = Imposed(stress=1e-4) if free else Imposed(1e-3, 1e-3)
+    start = (0.0, 0.0) if free else (imposed.gamma, imposed.rate)
+    problem = time_step._Problem(motion, h, still, *start, imposed, motion.fluid(start[0]))
+    q = np.zeros(motion.n * motion.dofs + 1)
+    right = rng.normal(size=q.shape)
+    if not free:
+        right[-1] = 0.0
+    on_disks = right[:-1].reshape(motion.n, -1)[:, : still.shape[1]]
+    on_disks -= on_disks.mean(axis=0)  # a translation of all disks changes no force
+    dashpots = motion.dashpots(problem.state(q))
+    trial = problem.at(q, dashpots)
+    tangents = dashpots.tangents(trial.z, trial.f)
+    motion.matrix.factorise(trial.state, dashpots, tangents / h, problem.fluid.weights / h, free)
+    assert motion.matrix.factorisations == 1  # so μ is tiny
+    x = motion.matrix.solve(right)
+    tiny = 1e-6 / np.abs(x).max()
+    back, ahead = (problem.at(q + sign * tiny * x, dashpots).residual for sign in (-1.0, 1.0))
+    np.testing.assert_allclose((back - ahead) / (2.0 * tiny), right, atol=1e-5)
+    assert (x[-1] != 0.0) == free
+
+
 class Told(repeated_cycles.Cycles):
     """A run whose cycles have these G*, one after the other."""
 
