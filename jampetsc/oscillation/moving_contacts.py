@@ -25,7 +25,7 @@ from jampetsc.oscillation.fluid_drag import FluidDrag
 from jampetsc.oscillation.force_curvature import add_curvature
 from jampetsc.oscillation.power_law import ContactPowerLaw
 from jampetsc.oscillation.step_matrix import StepMatrix
-from jampetsc.oscillation.time_step import STAGE, DiskState, Stages
+from jampetsc.oscillation.time_step import STAGE, TOLERANCE, DiskState, Stages
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.kernel import bond_forces, elastic_virial
 from jampetsc.packing.neighbour_list import SKIN_START, ListedPacking, is_stale
@@ -59,12 +59,21 @@ class MovingContacts(ListedPacking):
     speed: typical |z| of `power_law`, without effect where damping is linear
     gamma: strain of the given disks
     load: E; simple shear if not given
+    tolerance: of forces, in units of k times the largest diameter times `scale`
     u: (N, dofs) velocities, and spins times the mean diameter
     """
 
     def __init__(
-        self, disks: Packing, law: Law, step: float, scale: float, speed=0.0, gamma=0.0, load: Load | None = None
-    ):  # fmt: skip
+        self,
+        disks: Packing,
+        law: Law,
+        step: float,
+        scale: float,
+        speed=0.0,
+        gamma=0.0,
+        load: Load | None = None,
+        tolerance=TOLERANCE,
+    ):
         self.step, self.gamma, self.rate = step, gamma, 0.0
         self.load = load or simple_shear(disks.dimension)
         self._unit_strain = strain_of(self.load.gradient)
@@ -89,7 +98,7 @@ class MovingContacts(ListedPacking):
         self.u = np.zeros((disks.n, self.dofs))
         self.gained = 0.0  # change of the elastic energy in the last step
         self.matrix = StepMatrix(self)
-        self.stages = Stages(self, self.matrix, STAGE * step, scale)
+        self.stages = Stages(self, self.matrix, STAGE * step, scale, tolerance)
 
     def list(self, disks):
         """See `ListedPacking`."""

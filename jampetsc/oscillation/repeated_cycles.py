@@ -34,6 +34,8 @@ MAX_REPEATED_CYCLES = 60
 MAX_COARSE_CYCLES = 6  # with half of the steps; the second run has the rest of a transient
 START_STEPS = 16  # steps of the cycle with fixed contacts; linear damping is exact with any number
 ENERGY_TOLERANCE = 8.0  # of the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
+# of forces in a time step, times steps², as in `time_step`: a residual disturbs G* by far less than the steps do
+FORCE_TOLERANCE = 1e-2
 PERIOD = 2.0 * np.pi
 MAX_STRAIN_DRIFT = 1.0  # of a cycle; a packing whose strain changes by more flows
 
@@ -130,8 +132,9 @@ class Cycles:
         self.drive = replace(drive, omega=1.0, amplitude=unit * drive.amplitude)
         scaled = replace(law, tau1=drive.omega * law.tau1)
         self.motion = MovingContacts(
-            disks, scaled, PERIOD / steps, start.strain, start.speed, start.reference
-        )
+            disks, scaled, PERIOD / steps, start.strain, start.speed, start.reference,
+            tolerance=FORCE_TOLERANCE / steps**2,
+        )  # fmt: skip
         self.motion.displace(start.displacement, start.velocity, start.gamma, start.rate)
         self.steps = AdaptiveSteps(self.motion, self.drive.at)
         self._lost = ENERGY_TOLERANCE / steps**3 * np.pi * self.motion.volume  # over |G*|γ₁²

@@ -35,7 +35,9 @@ from jampetsc.packing.strain import Strain
 
 STAGE = 1.0 - np.sqrt(0.5)  # of a step
 WEIGHTS = 1.0 - STAGE, STAGE  # of the ends of the stages, in an integral over a step
-TOLERANCE = 1e-7  # of forces, in units of k times the largest diameter times the strain amplitude
+TOLERANCE = (
+    1e-7  # of forces, in units of k times the largest diameter times the strain amplitude, if not given
+)
 ROUNDING_FORCE = 1e-15  # of forces, in units of k times the largest diameter
 # likewise; a residual that stops falling below it, or below TOLERANCE of damping forces, is rounding
 NOISE_FORCE = 1e-14
@@ -190,11 +192,11 @@ class Stages:
     iterations: number of Newton's steps so far
     """
 
-    def __init__(self, springs: StepForces, matrix: StepMatrix, h: float, scale: float):
+    def __init__(self, springs: StepForces, matrix: StepMatrix, h: float, scale: float, tolerance=TOLERANCE):
         self.h, self._matrix = h, matrix
         self.unit = springs.stiffness * springs.largest  # of forces
-        self.tolerance = max(TOLERANCE * scale, ROUNDING_FORCE) * self.unit
-        self.finest = max(self.tolerance, NOISE_FORCE * self.unit)  # smallest force that counts
+        self.tolerance = max(tolerance * scale, ROUNDING_FORCE) * self.unit
+        self.finest = max(TOLERANCE * scale, NOISE_FORCE) * self.unit  # smallest force that counts
         self.iterations, self._is_stale = 0, True  # no factor yet
 
     def set_length(self, h: float):

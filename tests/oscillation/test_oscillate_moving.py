@@ -127,9 +127,12 @@ def test_contacts_at_rest_are_soft_enough(monkeypatch):
 
 
 def test_what_newtons_method_leaves_of_the_forces_does_not_matter(monkeypatch):
-    usual = shaken(0.1, 2e-3, 16, 1, rotations=False).G
-    monkeypatch.setattr(time_step, "TOLERANCE", 1e-12)
-    assert abs(shaken.__wrapped__(0.1, 2e-3, 16, 1, rotations=False).G - usual) < 1e-7 * abs(usual)
+    """Even with few steps, with which it leaves more: it is far below what the steps do."""
+    usual = shaken(0.1, 2e-3, 16, 1, rotations=False)
+    monkeypatch.setattr(repeated_cycles, "FORCE_TOLERANCE", 1e-9)
+    exact = shaken.__wrapped__(0.1, 2e-3, 16, 1, rotations=False)
+    assert exact.newton_steps > usual.newton_steps
+    assert abs(exact.G - usual.G) < 1e-2 * usual.error
 
 
 def test_rattlers_do_not_matter_where_they_touch_nothing():
@@ -502,7 +505,7 @@ def test_newtons_method_takes_few_steps_and_factors():
         counts.append((found.newton_steps, found.factorisations))
     motion = sheared(moving(1e6, 1e-3), 2e-2, 20)
     counts.append((motion.stages.iterations, motion.matrix.factorisations))
-    now = np.array([(48, 2), (60, 2), (265, 193), (380, 126), (123, 20)])
+    now = np.array([(48, 2), (48, 2), (204, 189), (259, 120), (123, 20)])
     assert np.all(np.array(counts) <= 1.15 * now), counts
 
 
