@@ -56,9 +56,9 @@ class StepMatrix:
         least = MIN_SHIFT * max(self._stiffness, float(np.abs(viscous).max(initial=0.0)))
         self._mu = max(self._mu / SHIFT_GROWTH, least)
         self._border = None
-        values = self._pattern.sum(*_summed(elastic, dashpots.touching, viscous), np.ones(n, bool))
+        values = self._pattern.sum(*_sum_blocks(elastic, dashpots.touching, viscous), np.ones(n, bool))
         values[self._pattern.diagonal] += drag + self._mu
-        values[self._pattern.diagonal] += self._unheld(state, touching, values)
+        values[self._pattern.diagonal] += self._unheld(state, elastic, touching, values)
         while True:
             self.factorisations += 1
             pattern = self._pattern.indptr, self._pattern.indices
@@ -91,7 +91,7 @@ class StepMatrix:
         strain = (right[-1] - self._border @ x) / self._schur
         return np.append(x - strain * self._response, strain)
 
-    def _unheld(self, state, touching, values):
+    def _unheld(self, state, elastic, touching, values):
         """Stiffness added to rattlers that nothing holds, (N, dofs), else 0: more than the −f/r that pushes them aside.
 
         A rattler is held if it touches a disk of the backbone and its own block of the matrix is positive definite, as
@@ -101,19 +101,21 @@ class StepMatrix:
         ends = both_ends(pairs.i[touching], pairs.j[touching])
         rattlers = find_rattlers(n, *ends, len(pairs.r0))
         attached = np.bincount(ends[0], ~rattlers[ends[1]], n) > 0
-        least = np.full(n, -np.inf)
-        least[rattlers] = np.linalg.eigvalsh(self._pattern.own_blocks(values, rattlers))[:, 0]
-        loose = rattlers & ~(attached & (least > self._mu))
-        if loose[ends[0]].any():  # nothing pushes the others
-            bonds = state.bonds
-            push = bonds.force / bonds.distance
+        maybe_held = rattlers & attached
+        least = np.linalg.eigvalsh(self._pattern.own_blocks(values, maybe_held))[:, 0]
+        rattlers[maybe_held] = least <= self._mu  # those left are not held
+        if rattlers[ends[0]].any():  # nothing pushes the others
+            across = (
+                springs(*state.geometry, 0.0, 0.0)[0] - elastic
+            )  # f/r in the D − 1 directions across a bond
+            push = np.trace(across, axis1=1, axis2=2) / (len(pairs.r0) - 1)
             aside = gathered(np.column_stack((push, push)), pairs.i, pairs.j, n)
-            stiffness[:, :RATTLER_UNKNOWNS] = np.where(loose[:, None], 2.0 * aside, 0.0)
+            stiffness[:, :RATTLER_UNKNOWNS] = np.where(rattlers[:, None], 2.0 * aside, 0.0)
         return stiffness
 
 
 @compiled(NUMBERS)
-def _summed(elastic, touching, viscous):
+def _sum_blocks(elastic, touching, viscous):
     """Blocks (M, dofs, dofs) of springs (M, D, D) and, at the pairs `touching`, of dashpots (contacts, 2 dofs, 2 dofs).
 
     In the rows of i: with i; of j: with j; of i: with j.

@@ -16,7 +16,7 @@ from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite, has_suitespar
 from jampetsc.petsc.session import current
 
 PREFIX, HESSIAN = "newton_", "the Hessian of a Newton step"
-# by the order of blocks; beyond, CHOLMOD is faster: four times at 131072 disks, 2.6 times at 1024 spheres and 5 times
+# by the order of blocks; beyond, CHOLMOD is faster: four times at 131072 disks, 2.3 times at 1024 spheres and 2.6 times
 # at 2048
 MAX_BLOCK_DISKS = {2: 32768, 3: 1024}
 
@@ -78,7 +78,7 @@ class NewtonSolver:
 
 
 class HessianSolver(NewtonSolver):
-    """A `NewtonSolver` for matrices of 2×2 or 3×3 blocks, as `hessian.Pattern` has them."""
+    """A `NewtonSolver` for matrices of blocks, as `hessian.Pattern` has them. It factorises those of order 2 and 3."""
 
     def __init__(self, prefix=PREFIX, what=HESSIAN, proves=True):
         self._by_library, self._factor = True, None
