@@ -78,7 +78,7 @@ class NewtonSolver:
 
 
 class HessianSolver(NewtonSolver):
-    """A `NewtonSolver` for matrices of blocks, as `hessian.Pattern` has them. It factorises those of order 2 and 3."""
+    """A `NewtonSolver` for matrices of blocks, as `hessian.Pattern` has them; orders 2 and 3 need no library."""
 
     def __init__(self, prefix=PREFIX, what=HESSIAN, proves=True):
         self._by_library, self._factor = True, None

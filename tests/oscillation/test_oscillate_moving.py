@@ -432,7 +432,8 @@ def test_cycles_that_go_on_changing_are_given_up():
     rough.repeat(None, accurate=False)  # what is left of a transient belongs to the run with all steps
     assert len(rough.finished) == 6
     with pytest.raises(
-        ConvergenceError, match=r"the last of 120 cycles changes it by 2 %\. Give cycles 120 to keep its value"
+        ConvergenceError,
+        match=r"the last of 120 cycles changes it by 2 %\. Give cycles 120 to keep its value",
     ):
         run.repeat(None)
     assert len(run.finished) == 120
