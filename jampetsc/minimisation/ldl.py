@@ -182,50 +182,50 @@ def _invert(d, inverse):
 
 
 @nested(NUMBERS, forceinline=True)
-def _factorise_in_space(order, start, column, pair, blocks, diagonal):
+def _factorise_in_space(order, i, start, column, pair, blocks, diagonal):
     """`factorise` for 3×3 blocks, of what `rows_below` gives."""
     n = len(order)
     parent, begin = _tree(start, column)
     fill = begin[:-1].copy()
     row, lower = np.empty(begin[n], np.uint32), np.empty((begin[n] + n, 3, 3))
     inverse = lower[begin[n] :]
-    w, above, d = np.zeros((n, 3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    w, d = np.zeros((n, 3, 3)), np.empty((3, 3))
     seen, path, pattern = np.full(n, -1), np.empty(n, np.int64), np.empty(n, np.int64)
     for k in range(n):
-        top = _find_pattern(k, start, column, parent, seen, path, pattern)
+        top, disk = _find_pattern(k, start, column, parent, seen, path, pattern), order[k]
         for e in range(start[k], start[k + 1]):
-            w[column[e]] -= blocks[pair[e]]
-        d[:] = diagonal[order[k]]
+            a, p = column[e], pair[e]
+            for x in range(3):
+                for y in range(3):
+                    w[a, x, y] -= blocks[p, x, y] if i[p] == disk else blocks[p, y, x]
+        d[:] = diagonal[disk]
         for q in range(top, n):
             c = pattern[q]
-            above[:] = w[c]
+            # numbers: entries of an array would be loaded again after each store
+            w00, w01, w02 = w[c, 0, 0], w[c, 0, 1], w[c, 0, 2]
+            w10, w11, w12 = w[c, 1, 0], w[c, 1, 1], w[c, 1, 2]
+            w20, w21, w22 = w[c, 2, 0], w[c, 2, 1], w[c, 2, 2]
             w[c] = 0.0
             for e in range(begin[c], fill[c]):
                 r = row[e]
-                for x in range(3):
-                    for y in range(3):
-                        w[r, x, y] -= (
-                            above[x, 0] * lower[e, y, 0]
-                            + above[x, 1] * lower[e, y, 1]
-                            + above[x, 2] * lower[e, y, 2]
-                        )
+                for y in range(3):
+                    l0, l1, l2 = lower[e, y, 0], lower[e, y, 1], lower[e, y, 2]
+                    w[r, 0, y] -= w00 * l0 + w01 * l1 + w02 * l2
+                    w[r, 1, y] -= w10 * l0 + w11 * l1 + w12 * l2
+                    w[r, 2, y] -= w20 * l0 + w21 * l1 + w22 * l2
             e = fill[c]
             row[e] = k
             fill[c] = e + 1
+            for y in range(3):
+                i0, i1, i2 = inverse[c, 0, y], inverse[c, 1, y], inverse[c, 2, y]
+                lower[e, 0, y] = w00 * i0 + w01 * i1 + w02 * i2
+                lower[e, 1, y] = w10 * i0 + w11 * i1 + w12 * i2
+                lower[e, 2, y] = w20 * i0 + w21 * i1 + w22 * i2
             for x in range(3):
-                for y in range(3):
-                    lower[e, x, y] = (
-                        above[x, 0] * inverse[c, 0, y]
-                        + above[x, 1] * inverse[c, 1, y]
-                        + above[x, 2] * inverse[c, 2, y]
-                    )
-            for x in range(3):
-                for y in range(x, 3):
-                    d[x, y] -= (
-                        lower[e, x, 0] * above[y, 0]
-                        + lower[e, x, 1] * above[y, 1]
-                        + lower[e, x, 2] * above[y, 2]
-                    )
+                l0, l1, l2 = lower[e, x, 0], lower[e, x, 1], lower[e, x, 2]
+                d[x, 0] -= l0 * w00 + l1 * w01 + l2 * w02
+                d[x, 1] -= l0 * w10 + l1 * w11 + l2 * w12
+                d[x, 2] -= l0 * w20 + l1 * w21 + l2 * w22
         if not _invert(d, inverse[k]):
             return False, (order[:0], begin[:1], row[:0], lower[:0])
     return True, (order, begin, row, lower)
@@ -235,13 +235,14 @@ def _factorise_in_space(order, start, column, pair, blocks, diagonal):
 def factorise(order, i, j, blocks, chosen, diagonal):
     """L D Lᵀ, in `order`, of a matrix with −blocks (M, D, D) of the chosen pairs (M,) and `diagonal`.
 
-    The blocks are symmetric; for `diagonal` see `diagonal_of`. Returns (definite, factor): factor is (order,
-    begin (N + 1,), row (nonzeros,), L followed by D⁻¹ (nonzeros + N, 4) or (nonzeros + N, 3, 3)), four arrays only,
-    since numba takes long to inspect longer tuples; of no disk where the matrix is not definite.
+    A_ij, of the rows of i and the columns of j, is minus a block; for `diagonal` see `diagonal_of`. Returns (definite,
+    factor): factor is (order, begin (N + 1,), row (nonzeros,), L followed by D⁻¹ (nonzeros + N, 4) or
+    (nonzeros + N, 3, 3)), four arrays only, since numba takes long to inspect longer tuples; of no disk where the
+    matrix is not definite.
     """
     start, column, pair = rows_below(order, i, j, chosen)
     if diagonal.ndim == 3:
-        return _factorise_in_space(order, start, column, pair, blocks, diagonal)
+        return _factorise_in_space(order, i, start, column, pair, blocks, diagonal)
     n = len(order)
     parent, begin = _tree(start, column)
     fill = begin[:-1].copy()
@@ -251,12 +252,11 @@ def factorise(order, i, j, blocks, chosen, diagonal):
     seen, path, pattern = np.full(n, -1), np.empty(n, np.int64), np.empty(n, np.int64)
     definite = True
     for k in range(n):
-        top = _find_pattern(k, start, column, parent, seen, path, pattern)
+        top, disk = _find_pattern(k, start, column, parent, seen, path, pattern), order[k]
         for e in range(start[k], start[k + 1]):
             a, p = column[e], pair[e]
             for b in range(4):
-                w[a, b] -= blocks[p, b // 2, b % 2]
-        disk = order[k]
+                w[a, b] -= blocks[p, b // 2, b % 2] if i[p] == disk else blocks[p, b % 2, b // 2]
         d0, d1, d2 = diagonal[disk, 0], diagonal[disk, 1], diagonal[disk, 2]
         for q in range(top, n):
             c = pattern[q]

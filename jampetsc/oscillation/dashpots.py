@@ -16,8 +16,9 @@ import numpy as np
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load
 from jampetsc.laws.relative_motion import linear_forms, load_coefficients
-from jampetsc.minimisation.hessian import Bonds, gathered
+from jampetsc.minimisation.hessian import Bonds
 from jampetsc.oscillation.power_law import ContactPowerLaw
+from jampetsc.packing.compiled import NUMBERS, compiled
 from jampetsc.response.compatibility import stacked
 
 LINEAR_BELOW = 1e-5  # of the typical |z|: below, the force of a contact is linear in its velocity
@@ -60,10 +61,9 @@ class Dashpots:
         """Number of components of z."""
         return self._sheared.shape[1]
 
-    def velocities(self, x, strain, h):
-        """z of displacements x (N, dofs) and a growth of the strain within a time h."""
-        ends = np.concatenate((x[self.i], x[self.j]), axis=1)
-        return (np.einsum("cfx,cx->cf", self._Z, ends) + strain * self._sheared) / h
+    def velocities(self, u, rate: float):
+        """z of velocities u (N, dofs) and a rate of strain."""
+        return _velocities(self.i, self.j, self._Z, self._sheared, u, rate)
 
     def forces(self, z):
         """f(z)."""
@@ -73,23 +73,66 @@ class Dashpots:
         """df/dz for Newton's method, (contacts, damped, damped): see `ContactPowerLaw.stiffness`."""
         return self._damping.power.stiffness(z, f, self._damping.floor)
 
-    def on_disks(self, f, n: int):
-        """Zᵀf on the disks, (N, dofs): the forces that balance f."""
-        return gathered(np.einsum("cf,cfx->cx", f, self._Z), self.i, self.j, n)
+    def subtract_forces(self, f, forces):
+        """Subtract Zᵀf, what balances f, from the forces on the disks (N, dofs)."""
+        _subtract_forces(self.i, self.j, self._Z, f, forces)
 
     def on_strain(self, f) -> float:
         """Zᵀf on the strain: viscous shear stress times volume."""
-        return float(np.sum(f * self._sheared))
+        return float(np.vdot(f, self._sheared))
 
     def squares(self, tangents):
-        """Zᵀ D Z of each contact for D = `tangents`: its blocks disks–disks, disks–strain and strain–strain."""
-        weighted = tangents @ self._Z
+        """Zᵀ D Z of each contact for D = `tangents`, (contacts, 2 dofs, 2 dofs)."""
+        return _squares(self._Z, tangents)
+
+    def border(self, tangents):
+        """The parts of Zᵀ D Z that couple disks and strain, (contacts, 2 dofs), and of the strain, (contacts,)."""
         along = (tangents @ self._sheared[:, :, None])[:, :, 0]
-        return (
-            self._Z.swapaxes(1, 2) @ weighted,
-            (along[:, None, :] @ self._Z)[:, 0],
-            np.sum(self._sheared * along, axis=1),
-        )
+        return (along[:, None, :] @ self._Z)[:, 0], np.sum(self._sheared * along, axis=1)
+
+
+@compiled(NUMBERS)
+def _velocities(i, j, Z, sheared, u, rate):
+    """Z (u, rate), (contacts, damped)."""
+    z, dofs = np.empty(sheared.shape), u.shape[1]
+    for c in range(len(i)):
+        a, b = i[c], j[c]
+        for row in range(z.shape[1]):
+            total = rate * sheared[c, row]
+            for x in range(dofs):
+                total += Z[c, row, x] * u[a, x] + Z[c, row, dofs + x] * u[b, x]
+            z[c, row] = total
+    return z
+
+
+@compiled(NUMBERS)
+def _squares(Z, tangents):
+    """Zᵀ D Z, (contacts, 2 dofs, 2 dofs)."""
+    count, damped, ends = Z.shape
+    blocks = np.zeros((count, ends, ends))
+    weighted = np.empty(ends)
+    for c in range(count):
+        for row in range(damped):
+            weighted[:] = 0.0
+            for column in range(damped):
+                for x in range(ends):
+                    weighted[x] += tangents[c, row, column] * Z[c, column, x]
+            for y in range(ends):
+                for x in range(ends):
+                    blocks[c, y, x] += Z[c, row, y] * weighted[x]
+    return blocks
+
+
+@compiled(NUMBERS)
+def _subtract_forces(i, j, Z, f, forces):
+    """Subtract Zᵀf from the forces (N, dofs)."""
+    dofs = forces.shape[1]
+    for c in range(len(i)):
+        a, b = i[c], j[c]
+        for row in range(f.shape[1]):
+            for x in range(dofs):
+                forces[a, x] -= Z[c, row, x] * f[c, row]
+                forces[b, x] -= Z[c, row, dofs + x] * f[c, row]
 
 
 def motion_rows(forms, bonds: Bonds, rims, dofs: int, flow: Load, chosen=slice(None)):

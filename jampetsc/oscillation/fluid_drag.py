@@ -35,15 +35,12 @@ class FluidDrag:
         weights = unit * np.array(law.on_disks(dimension, 1.0)[:dofs])
         return cls(weights, rotation, unit * law.eta_f * fluid_dissipation(flow, flow) * volume)
 
-    def on_disks(self, u, rate: float):
-        """∂R/∂u (N, dofs) at this rate of strain: the forces that balance the drag."""
-        return self.weights * (u - rate * self.rotation)
+    def forces(self, u, rate: float) -> tuple:
+        """At this rate of strain: ∂R/∂u (N, dofs), ∂R/∂γ̇ and 2R, the power dissipated.
 
-    def on_strain(self, u, rate: float) -> float:
-        """∂R/∂γ̇: viscous stress of the load times volume."""
-        turned = self.weights * self.rotation
-        return self.viscous * rate - float(np.sum(turned * (u - rate * self.rotation)))
-
-    def power(self, u, rate: float) -> float:
-        """2R, the power dissipated."""
-        return float(np.sum(self.weights * (u - rate * self.rotation) ** 2)) + self.viscous * rate**2
+        They balance the drag on disks, and are the viscous stress of the load times volume.
+        """
+        relative = u - rate * self.rotation
+        drag = self.weights * relative
+        on_strain = self.viscous * rate - float(drag.sum(axis=0) @ self.rotation)
+        return drag, on_strain, float(np.vdot(drag, relative)) + self.viscous * rate**2

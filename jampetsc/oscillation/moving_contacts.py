@@ -13,27 +13,29 @@ along simple shear alone, whose flow is the same at every strain. `time_step` so
 and energy of the springs, and the state of the packing between steps.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load, simple_shear
-from jampetsc.laws.relative_motion import transverse_axes
-from jampetsc.minimisation.hessian import Bonds
 from jampetsc.oscillation.dashpots import Damping, Dashpots
 from jampetsc.oscillation.fluid_drag import FluidDrag
+from jampetsc.oscillation.force_curvature import add_curvature
 from jampetsc.oscillation.power_law import ContactPowerLaw
 from jampetsc.oscillation.step_matrix import StepMatrix
-from jampetsc.oscillation.time_step import STAGE, DiskState, Stages
+from jampetsc.oscillation.time_step import STAGE, TOLERANCE, DiskState, Stages
 from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.kernel import bond_forces, elastic_virial
 from jampetsc.packing.neighbour_list import SKIN_START, ListedPacking, is_stale
-from jampetsc.packing.neighbours import lengths
+from jampetsc.packing.neighbours import longest
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.strain import (
     UNSTRAINED,
     Strain,
     bond_vector,
-    displace,
+    gradient_over,
     strain_between,
     strain_of,
     strained,
@@ -57,12 +59,21 @@ class MovingContacts(ListedPacking):
     speed: typical |z| of `power_law`, without effect where damping is linear
     gamma: strain of the given disks
     load: E; simple shear if not given
+    tolerance: of forces, in units of k times the largest diameter times `scale`
     u: (N, dofs) velocities, and spins times the mean diameter
     """
 
     def __init__(
-        self, disks: Packing, law: Law, step: float, scale: float, speed=0.0, gamma=0.0, load: Load | None = None
-    ):  # fmt: skip
+        self,
+        disks: Packing,
+        law: Law,
+        step: float,
+        scale: float,
+        speed=0.0,
+        gamma=0.0,
+        load: Load | None = None,
+        tolerance=TOLERANCE,
+    ):
         self.step, self.gamma, self.rate = step, gamma, 0.0
         self.load = load or simple_shear(disks.dimension)
         self._unit_strain = strain_of(self.load.gradient)
@@ -87,7 +98,7 @@ class MovingContacts(ListedPacking):
         self.u = np.zeros((disks.n, self.dofs))
         self.gained = 0.0  # change of the elastic energy in the last step
         self.matrix = StepMatrix(self)
-        self.stages = Stages(self, self.matrix, STAGE * step, scale)
+        self.stages = Stages(self, self.matrix, STAGE * step, scale, tolerance)
 
     def list(self, disks):
         """See `ListedPacking`."""
@@ -102,8 +113,7 @@ class MovingContacts(ListedPacking):
 
     def _strain_at(self, gamma) -> Strain:
         """E of the cell since the list was made."""
-        now, listed = (strained(self._unit_strain, strain) for strain in (gamma, self.listed))
-        return strain_between(now, listed)
+        return _strain_since(self._unit_strain, gamma, self.listed)
 
     def _growth(self, gamma) -> float:
         """Volume over that before any strain."""
@@ -175,12 +185,12 @@ class MovingContacts(ListedPacking):
     def at(self, base, x, gamma) -> DiskState:
         """See `time_step.StepForces`; places are offsets o, moves x (N, D) are in the laboratory frame."""
         strain = self._strain_at(gamma)
-        offsets = base + (x + np.column_stack(displace(strain_between(UNSTRAINED, strain), x.T)))
-        return DiskState(offsets, gamma, Bonds.of(self.pairs, self._potential, offsets, strain))
+        offsets = base + x @ _offset_of_move(strain, self.load.dimension)
+        return DiskState(offsets, gamma, self.pairs, strain, self._potential)
 
     def covers(self, state) -> bool:
         """See `time_step.StepForces`."""
-        far = float(lengths(state.places).max())
+        far = longest(state.places)
         return not is_stale(far, self._strain_at(state.gamma), self.largest, self.skin)
 
     def energy_change(self, before: DiskState, after: DiskState) -> float:
@@ -204,30 +214,17 @@ class MovingContacts(ListedPacking):
 
     def forces(self, state):
         """See `time_step.StepForces`."""
-        bonds = state.bonds
-        moved = self.flow(state.gamma).gradient @ bonds.r
-        sheared = -float(np.sum(bonds.force * np.sum(bonds.normal * moved, axis=0)))
-        return bonds.on_disks(bonds.force * bonds.normal, self.n), sheared
+        forces = np.empty(state.places.shape)
+        sums = bond_forces(*state.geometry, forces, None, None)
+        return forces, -float(
+            np.sum(self.flow(state.gamma).gradient * elastic_virial(sums, self.load.dimension))
+        )
 
     def curvature(self, state, x, growth):
-        """See `time_step.StepForces`.
-
-        For a relative motion w of a bond, −k w⊥²/r (1 + f/kr) along it and −2 k w∥ w⊥/r (1 + f/kr) across.
-        """
-        bonds, pairs = state.bonds, state.bonds.pairs
-        w = (x[pairs.j] - x[pairs.i]).T
-        gradient = self.flow(state.gamma).gradient
-        moved = gradient @ bonds.r
-        w += growth * moved
-        along, push = np.sum(bonds.normal * w, axis=0), bonds.force / bonds.distance
-        first, second = -bonds.stiffness * along * bonds.normal, np.zeros_like(w)
-        for axis in transverse_axes(bonds.normal.T):
-            across = np.sum(axis.T * w, axis=0)
-            stiff = (bonds.stiffness + push) * across / bonds.distance
-            first += push * across * axis.T
-            second -= stiff * across * bonds.normal + 2.0 * stiff * along * axis.T
-        sheared = -float(np.sum(second * moved + 2.0 * first * (gradient @ w)))
-        return bonds.on_disks(second, self.n), sheared
+        """See `time_step.StepForces`."""
+        flow = gradient_over(self._unit_strain, strained(self._unit_strain, state.gamma))
+        on_disks = np.zeros(x.shape)
+        return on_disks, add_curvature(*state.geometry, flow, np.ascontiguousarray(x), growth, on_disks)
 
     def dashpots(self, state) -> Dashpots:
         """See `time_step.StepForces`: dashpots of touching pairs."""
@@ -237,3 +234,16 @@ class MovingContacts(ListedPacking):
         """See `time_step.StepForces`."""
         volume = self.volume * self._growth(gamma)
         return FluidDrag.of(self._law, self.flow(gamma), float(self._potential.k), self.diameter, volume)
+
+
+@lru_cache(maxsize=16)
+def _strain_since(unit_strain: Strain, gamma: float, listed: float) -> Strain:
+    """E of F = 1 + γ E₁ since an earlier γ, `listed`; E₁ is `unit_strain`."""
+    return strain_between(strained(unit_strain, gamma), strained(unit_strain, listed))
+
+
+@lru_cache(maxsize=16)
+def _offset_of_move(strain: Strain, dimension: int):
+    """F⁻¹ transposed, (D, D): moves (N, D) in the laboratory frame times it are offsets."""
+    back = np.reshape(strain_between(UNSTRAINED, strain), (3, 3))[:dimension, :dimension]
+    return np.eye(dimension) + back.T

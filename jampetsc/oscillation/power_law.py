@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.laws.damping import Law
+from jampetsc.packing.compiled import NUMBERS, compiled
 
 MIN_POSITIVE = 1e-300
 MAX_SLOPE_RATIO = 1e7  # slope df/dz of a contact at rest over that at the typical velocity
@@ -65,25 +66,13 @@ class ContactPowerLaw:
         return (self.coefficient * size ** (0.5 * (self.alpha - 1.0)))[..., None] * z
 
     def stiffness(self, z, f, floor: float):
-        """df/dz of `forces(z, floor)` for Newton's method in z, (…, components, components), positive definite.
+        """df/dz of `forces(z, floor)` for Newton's method in z, (contacts, components, components), positive definite.
 
         It is the exact derivative if f is the force at z. For α < 1, the f that the last step has predicted keeps the
         method from alternating between both sides where contacts stick; f = 0 would give the secant (Chan, Golub &
-        Mulet, SIAM J. Sci. Comput. 20, 1964 (1999)).
+        Mulet, SIAM J. Sci. Comput. 20, 1964 (1999)). z, f: (contacts, components).
         """
-        size = np.maximum(np.einsum("...f,...f", z, z) + floor**2, MIN_POSITIVE)
-        secant = self.coefficient * size ** (0.5 * (self.alpha - 1.0))
-        if not self.by_force:
-            f = secant[..., None] * z
-        length = np.sqrt(np.einsum("...f,...f", f, f))
-        pull = (
-            np.minimum(1.0, secant * np.sqrt(size) / np.maximum(length, MIN_POSITIVE))
-            * (self.alpha - 1.0)
-            / size
-        )
-        outer = (0.5 * pull)[..., None, None] * (f[..., :, None] * z[..., None, :])
-        identity = np.eye(z.shape[-1])
-        return secant[..., None, None] * identity + outer + np.swapaxes(outer, -1, -2)
+        return _stiffness(z, f, self.coefficient, self.alpha, floor, self.by_force)
 
     def velocities(self, f):
         """z(f)."""
@@ -109,6 +98,29 @@ class ContactPowerLaw:
         softened = size + self.softening**2
         ratio = (1.0 / self.alpha - 1.0) / softened if self.alpha < 1.0 else np.zeros_like(size)
         return Tangent(1.0 / compliance, -ratio / (1.0 + ratio * size), f.copy(), True)
+
+
+@compiled(NUMBERS)
+def _stiffness(z, f, coefficient, alpha, floor, by_force):
+    """See `ContactPowerLaw.stiffness`."""
+    count, components = z.shape
+    blocks = np.empty((count, components, components))
+    for c in range(count):
+        size, square = floor * floor, 0.0
+        for x in range(components):
+            size += z[c, x] * z[c, x]
+            square += f[c, x] * f[c, x]
+        size = max(size, MIN_POSITIVE)
+        secant = coefficient * size ** (0.5 * (alpha - 1.0))
+        force, pull = z[c], secant
+        if by_force:
+            force, pull = f[c], min(1.0, secant * np.sqrt(size) / max(np.sqrt(square), MIN_POSITIVE))
+        pull *= 0.5 * (alpha - 1.0) / size
+        for x in range(components):
+            for y in range(components):
+                blocks[c, x, y] = pull * (force[x] * z[c, y] + force[y] * z[c, x])
+            blocks[c, x, x] += secant
+    return blocks
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,8 @@ of a cycle is the sum of the errors of its steps.
 There are two runs, the first with half of the steps; the second starts where the first ended. Where cycles repeat, the
 difference of the runs estimates the error of the steps, and the changes of the last cycles that of ending after
 finitely many. Where they fluctuate, the first run is part of the transient; the error is the standard error of the
-mean over the cycles of the second, plus the energy that its steps lose (see `analysis.cycle_series`).
+mean over the cycles of the second and, independent of it, the energy that its steps lose: the root of the sum of their
+squares (see `analysis.cycle_series`).
 """
 
 from dataclasses import dataclass, replace
@@ -30,10 +31,12 @@ from jampetsc.packing.packing import Packing
 CYCLE_TOLERANCE = 1e-3  # of |G*|: estimated change by later cycles below which cycles count as repeating
 # of G' and of G'', where cycles fluctuate; of |G*| for a part that is far smaller than the other
 MEAN_TOLERANCE, SMALL_PART_TOLERANCE = 0.05, 0.01
-MAX_REPEATED_CYCLES = 60
+MAX_REPEATED_CYCLES = 120
 MAX_COARSE_CYCLES = 6  # with half of the steps; the second run has the rest of a transient
 START_STEPS = 16  # steps of the cycle with fixed contacts; linear damping is exact with any number
 ENERGY_TOLERANCE = 8.0  # of the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
+# of forces in a time step, times steps², as in `time_step`: a residual disturbs G* by far less than the steps do
+FORCE_TOLERANCE = 1e-2
 PERIOD = 2.0 * np.pi
 MAX_STRAIN_DRIFT = 1.0  # of a cycle; a packing whose strain changes by more flows
 
@@ -55,20 +58,14 @@ def repeat_cycles(
     fine.repeat(cycles)
     averaged = fine.averaged
     harmonics = np.array([cycle.moduli.harmonics for cycle in averaged])
-    G = complex(np.mean([cycle.G for cycle in averaged]))
-    consumed, work = (
-        float(np.mean(values))
-        for values in zip(*((cycle.consumed, cycle.moduli.work) for cycle in averaged), strict=True)
-    )
-    balance = consumed / work - 1.0
+    G, balance = complex(np.mean([cycle.G for cycle in averaged])), energy_balance(averaged)
     if fine.mean is None or fine.repeats:
         of_steps, rest = G - coarse.finished[-1].G, min(fine.remaining, fine.spread)
         error = abs(of_steps) + rest
         harmonics_error = abs(harmonics[-1] - coarse.finished[-1].moduli.harmonics)
         G_error = complex(abs(of_steps.real) + rest, abs(of_steps.imag) + rest)
     else:
-        lost = abs(balance) * complex(abs(G.real), abs(G.imag))
-        G_error = fine.mean.errors + lost
+        G_error = fine.mean_errors
         error = abs(G_error)
         harmonics_error = np.abs([fluctuation_error(values) for values in harmonics.T])
     strain, stress = np.mean([cycle.waveform for cycle in averaged], axis=0)
@@ -78,7 +75,7 @@ def repeat_cycles(
         G_error=G_error,
         harmonics=harmonics.mean(axis=0),
         harmonics_error=harmonics_error,
-        work=work,
+        work=float(np.mean([cycle.moduli.work for cycle in averaged])),
         energy_balance=balance,
         repeats=fine.repeats,
         averaged_cycles=len(averaged),
@@ -101,6 +98,11 @@ def is_accurate(G, errors):
     return (errors.real <= np.maximum(MEAN_TOLERANCE * abs(G.real), least)) & (
         errors.imag <= np.maximum(MEAN_TOLERANCE * abs(G.imag), least)
     )
+
+
+def energy_balance(cycles) -> float:
+    """Energy that these `CycleResult`s have consumed over their work, less 1."""
+    return sum(cycle.consumed for cycle in cycles) / sum(cycle.moduli.work for cycle in cycles) - 1.0
 
 
 @dataclass(frozen=True)
@@ -130,8 +132,9 @@ class Cycles:
         self.drive = replace(drive, omega=1.0, amplitude=unit * drive.amplitude)
         scaled = replace(law, tau1=drive.omega * law.tau1)
         self.motion = MovingContacts(
-            disks, scaled, PERIOD / steps, start.strain, start.speed, start.reference
-        )
+            disks, scaled, PERIOD / steps, start.strain, start.speed, start.reference,
+            tolerance=FORCE_TOLERANCE / steps**2,
+        )  # fmt: skip
         self.motion.displace(start.displacement, start.velocity, start.gamma, start.rate)
         self.steps = AdaptiveSteps(self.motion, self.drive.at)
         self._lost = ENERGY_TOLERANCE / steps**3 * np.pi * self.motion.volume  # over |G*|γ₁²
@@ -168,11 +171,18 @@ class Cycles:
         """The mean of G* where cycles fluctuate."""
         return fluctuation_mean([cycle.G for cycle in self.finished])
 
+    @property
+    def mean_errors(self) -> complex:
+        """Errors of G′ and of G″ of `mean`, also by the energy that steps lose, as parts of a complex number."""
+        mean = self.mean
+        lost = energy_balance(self.finished[mean.transient :]) * mean.value
+        return complex(np.hypot(mean.errors.real, lost.real), np.hypot(mean.errors.imag, lost.imag))
+
     def _fluctuates(self, accurate) -> bool:
         mean = self.mean
         if mean is None or not accurate:
             return mean is not None
-        return bool(is_accurate(mean.value, mean.errors))
+        return bool(is_accurate(mean.value, self.mean_errors))
 
     @property
     def averaged(self) -> list[CycleResult]:

@@ -15,6 +15,7 @@ and of second order (Alexander, SIAM J. Numer. Anal. 14, 1006 (1977)).
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -27,11 +28,16 @@ from jampetsc.oscillation.dashpots import Dashpots
 from jampetsc.oscillation.drive import Imposed
 from jampetsc.oscillation.fluid_drag import FluidDrag
 from jampetsc.oscillation.step_matrix import StepMatrix
-from jampetsc.packing.neighbours import lengths
+from jampetsc.packing.neighbour_list import NeighbourList
+from jampetsc.packing.neighbours import longest
+from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import Strain
 
 STAGE = 1.0 - np.sqrt(0.5)  # of a step
 WEIGHTS = 1.0 - STAGE, STAGE  # of the ends of the stages, in an integral over a step
-TOLERANCE = 1e-7  # of forces, in units of k times the largest diameter times the strain amplitude
+TOLERANCE = (
+    1e-7  # of forces, in units of k times the largest diameter times the strain amplitude, if not given
+)
 ROUNDING_FORCE = 1e-15  # of forces, in units of k times the largest diameter
 # likewise; a residual that stops falling below it, or below TOLERANCE of damping forces, is rounding
 NOISE_FORCE = 1e-14
@@ -46,11 +52,23 @@ MAX_CURVED_MOVE = 10.0
 
 @dataclass(frozen=True, eq=False)
 class DiskState:
-    """Positions of the disks, the strain, and the bonds there."""
+    """Positions of the disks and the strain, and the bonds there."""
 
     places: np.ndarray  # (N, D)
     gamma: float
-    bonds: Bonds
+    pairs: NeighbourList
+    strain: Strain  # of the cell since the list
+    potential: Potential
+
+    @property
+    def geometry(self) -> tuple:
+        """As compiled loops over pairs take it."""
+        return self.pairs, self.places, self.strain, self.potential.constants
+
+    @cached_property
+    def bonds(self) -> Bonds:
+        """The bonds of all listed pairs; forces alone do not need them."""
+        return Bonds.of(self.pairs, self.potential, self.places, self.strain)
 
 
 class StepForces(Protocol):
@@ -136,21 +154,22 @@ class _Problem:
     def at(self, q, dashpots: Dashpots) -> _Trial:
         """The iterate at q, with its residual forces."""
         n, (x, growth), state = self.springs.n, self.split(q), self.state(q)
-        rate = self.rate + growth / self.h
-        z = dashpots.velocities(x, self.h * rate, self.h)
+        u, rate = x / self.h, self.rate + growth / self.h
+        z = dashpots.velocities(u, rate)
         f = dashpots.forces(z)
-        residual = -dashpots.on_disks(f, n)
+        drag, turning, dissipated = self.fluid.forces(u, rate)
         elastic, sheared = self.springs.forces(state)
-        forces = self.moves(residual)
+        virial = dashpots.on_strain(f) + sheared + turning
+        residual = np.zeros(len(q))
+        on_disks = residual[:-1].reshape(n, -1)
+        dashpots.subtract_forces(f, on_disks)
+        forces = self.moves(on_disks)
         forces += elastic
-        forces -= forces.mean(axis=0)  # rounding, which would make a large translation of all disks
-        u = x / self.h
-        residual -= self.fluid.on_disks(u, rate)
-        virial, row = dashpots.on_strain(f) + sheared + self.fluid.on_strain(u, rate), 0.0
+        forces -= forces.sum(axis=0) / n  # rounding, which would make a large translation of all disks
+        on_disks -= drag
         if self.imposed.free:
-            row = (self.imposed.stress * self.springs.volume - virial) / self.springs.length
-        power = float(np.sum(f * z)) + self.fluid.power(u, rate)
-        return _Trial(state, z, f, np.append(residual, row), virial, rate, power)
+            residual[-1] = (self.imposed.stress * self.springs.volume - virial) / self.springs.length
+        return _Trial(state, z, f, residual, virial, rate, float(np.vdot(f, z)) + dissipated)
 
     def curvature(self, state: DiskState, step):
         """Second derivative of the residual forces along a straight step."""
@@ -163,7 +182,7 @@ class _Problem:
     def farthest(self, step) -> float:
         """The longest move of a disk in a step."""
         x, growth = self.split(step)
-        return max(float(lengths(self.moves(x)).max()) + abs(growth) * self.springs.largest, 1e-300)
+        return max(longest(self.moves(x)) + abs(growth) * self.springs.largest, 1e-300)
 
 
 class Stages:
@@ -173,11 +192,11 @@ class Stages:
     iterations: number of Newton's steps so far
     """
 
-    def __init__(self, springs: StepForces, matrix: StepMatrix, h: float, scale: float):
+    def __init__(self, springs: StepForces, matrix: StepMatrix, h: float, scale: float, tolerance=TOLERANCE):
         self.h, self._matrix = h, matrix
         self.unit = springs.stiffness * springs.largest  # of forces
-        self.tolerance = max(TOLERANCE * scale, ROUNDING_FORCE) * self.unit
-        self.finest = max(self.tolerance, NOISE_FORCE * self.unit)  # smallest force that counts
+        self.tolerance = max(tolerance * scale, ROUNDING_FORCE) * self.unit
+        self.finest = max(TOLERANCE * scale, NOISE_FORCE) * self.unit  # smallest force that counts
         self.iterations, self._is_stale = 0, True  # no factor yet
 
     def set_length(self, h: float):
@@ -222,10 +241,10 @@ class Stages:
             if size <= self.tolerance:
                 break
             tangents = dashpots.tangents(iterate.z, predicted)
-            fresh = self._is_stale or self._matrix.pairs is not iterate.state.bonds.pairs
+            fresh = self._is_stale or self._matrix.pairs is not iterate.state.pairs
             if fresh:
                 drag = problem.fluid.weights / self.h
-                self._matrix.factorise(iterate.state.bonds, dashpots, tangents / self.h, drag, free)
+                self._matrix.factorise(iterate.state, dashpots, tangents / self.h, drag, free)
             step = self._matrix.solve(iterate.residual)
             if not fresh and problem.farthest(step) > MAX_CURVED_MOVE * springs.reach:
                 self._is_stale = True  # some disk had no contact when the matrix was factorised

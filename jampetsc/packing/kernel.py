@@ -69,6 +69,13 @@ def elastic_trace(sums):
     return sums.elastic_xx + sums.elastic_yy + sums.elastic_zz
 
 
+def elastic_virial(sums: Sums, dimension: int):
+    """Σ f_a r_b of elastic forces, (D, D), symmetric."""
+    xy, xz, yz = sums.elastic_xy, sums.elastic_xz, sums.elastic_yz
+    rows = (sums.elastic_xx, xy, xz), (xy, sums.elastic_yy, yz), (xz, yz, sums.elastic_zz)
+    return np.array(rows)[:dimension, :dimension]
+
+
 @nested(FAST, forceinline=True)
 def viscous_trace(sums):
     """Σ f·r of viscous forces."""

@@ -142,6 +142,11 @@ def lengths(vectors):
     return np.sqrt(squared_length(np.asarray(vectors).T.astype(np.longdouble))).astype(float)
 
 
+def longest(vectors) -> float:
+    """Largest |v| of vectors (M, D), to rounding."""
+    return float(np.sqrt(squared_length(vectors.T).max()))
+
+
 def _hilbert(axes, bits):
     """Position along the Hilbert curve of points with D coordinates `axes`, (N,) unsigned of `bits` bits each.
 

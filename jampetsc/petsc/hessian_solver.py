@@ -1,9 +1,9 @@
 """Factorised Hessians that lie on one rank: the solvers for `minimisation.newton`, prefix `newton_`.
 
-A_ij = −b_ij for disks i ≠ j, A_ii = Σ_j b_ij, b symmetric, is factorised by `minimisation.ldl` in D×D blocks, up to
+A symmetric A with a block for each disk and each pair of neighbours is factorised by `minimisation.ldl`, up to
 MAX_BLOCK_DISKS disks: a block has one index where a library that sees single entries has four, and disks are
 eliminated, not unknowns. The result is the same to the last bit on every processor, whatever BLAS is installed; last
-digits decide which minimum a quench ends in. A larger A, and any where options begin with `newton_`, is factorised by
+digits decide which minimum a quench ends in. A larger A, and any where options begin with the prefix, is factorised by
 `Cholesky`. A quench ends with the proof that it found a minimum, so options with which a factorisation proves nothing
 are refused; where no proof is needed, only residuals are checked.
 """
@@ -15,15 +15,16 @@ from jampetsc.minimisation import ldl
 from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite, has_suitesparse
 from jampetsc.petsc.session import current
 
-PREFIX = "newton_"
-# by dimension; beyond, CHOLMOD is faster: four times at 131072 disks, 2.6 times at 1024 spheres and 5 times at 2048
+PREFIX, HESSIAN = "newton_", "the Hessian of a Newton step"
+# by the order of blocks; beyond, CHOLMOD is faster: four times at 131072 disks, 2.3 times at 1024 spheres and 2.6 times
+# at 2048
 MAX_BLOCK_DISKS = {2: 32768, 3: 1024}
 
 
 class NewtonSolver:
     """Solves with real symmetric matrices of this rank alone (MPI_COMM_SELF), and says which are positive definite."""
 
-    def __init__(self, prefix=PREFIX, what="the Hessian of a Newton step", proves=True):
+    def __init__(self, prefix=PREFIX, what=HESSIAN, proves=True):
         self._prefix, self._what, self._proves = prefix, what, proves
         session = current()
         if session.scalar_type != "real":
@@ -35,8 +36,11 @@ class NewtonSolver:
         if proves:  # options that PETSc or the proof refuses are refused now, not at the first step
             self.factorise(np.array([0, 1], np.int32), np.array([0], np.int32), np.ones(1))
 
-    def factorise(self, indptr, indices, values, order=1) -> bool:
+    def factorise(self, indptr, indices, values, order=1, elimination=None) -> bool:
         """Factorise the upper triangle with its diagonal, CSR (int32, sorted). False if not positive definite.
+
+        order         of its blocks
+        elimination   disks in the order of their elimination, see `order`; None: chosen for these values
 
         Raises InputError where the options are such that True would be no proof.
         """
@@ -70,26 +74,26 @@ class NewtonSolver:
 
     def order(self, n, i, j):
         """N disks in an order of elimination with little fill, (N,); pairs (M,) i, j are neighbours."""
-
         return elimination_order(n, i, j)
 
 
 class HessianSolver(NewtonSolver):
-    """A `NewtonSolver` for matrices of 2×2 or 3×3 blocks, as `hessian.Pattern` has them."""
+    """A `NewtonSolver` for matrices of blocks, as `hessian.Pattern` has them; orders 2 and 3 need no library."""
 
-    def __init__(self):
+    def __init__(self, prefix=PREFIX, what=HESSIAN, proves=True):
         self._by_library, self._factor = True, None
-        super().__init__()
-        self._by_library = current().has_options(PREFIX)
+        super().__init__(prefix, what, proves)
+        self._by_library = current().has_options(prefix)
 
-    def factorise(self, indptr, indices, values, order=2) -> bool:
+    def factorise(self, indptr, indices, values, order=2, elimination=None) -> bool:
         """See `NewtonSolver.factorise`."""
         n, self._factor, self._block_order = len(indptr) // order, None, order
-        if self._by_library or n > MAX_BLOCK_DISKS[order]:
+        if self._by_library or n > MAX_BLOCK_DISKS.get(order, 0):
             return super().factorise(indptr, indices, values)
         blocks_of = ldl.blocks_of if order == 2 else ldl.space_blocks_of
         i, j, blocks, chosen, diagonal = blocks_of(indptr, indices, values)
-        elimination = elimination_order(n, i[chosen], j[chosen])
+        if elimination is None:
+            elimination = elimination_order(n, i[chosen], j[chosen])
         definite, self._factor = ldl.factorise(elimination, i, j, blocks, chosen, diagonal)
         return definite
 

@@ -1,5 +1,7 @@
 """The compiled factor of a Hessian against dense numpy, and what following a minimum does where it cannot."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import samples
@@ -7,7 +9,7 @@ from sheared import crowd
 
 from jampetsc.minimisation import warm_start as compiled
 from jampetsc.minimisation.hessian import Bonds, Pattern
-from jampetsc.minimisation.ldl import blocks_of, diagonal_of, factorise, solve
+from jampetsc.minimisation.ldl import blocks_of, diagonal_of, factorise, solve, space_blocks_of
 from jampetsc.minimisation.minimise import settle
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.strain import UNSTRAINED, simple_shear
@@ -74,6 +76,26 @@ def test_the_blocks_of_a_matrix_are_those_it_was_filled_with(listed):
             b, x = np.random.default_rng(3).normal(size=(disks.n, 2)), np.empty((disks.n, 2))
             solve(factor, b, x, np.empty_like(b))
             assert np.abs(matrix @ x.ravel() - b.ravel()).max() < 1e-12
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_blocks_that_couple_unlike_unknowns(d):
+    """A_ij need not be symmetric, as where moves and spins are coupled."""
+    rng, n = np.random.default_rng(5), 12
+    ends = np.array([(a, b) for a in range(n) for b in range(a + 1, n) if rng.uniform() < 0.3], np.uint32)
+    pairs = SimpleNamespace(i=ends[:, 0].copy(), j=ends[:, 1].copy())
+    pattern = Pattern(pairs, n, d)
+    values = rng.normal(size=pattern.indptr[-1])
+    values[pattern.diagonal] += 20.0
+    matrix = np.zeros((n * d, n * d))
+    for row in range(n * d):
+        part = slice(pattern.indptr[row], pattern.indptr[row + 1])
+        matrix[row, pattern.indices[part]] = matrix[pattern.indices[part], row] = values[part]
+    blocks = (blocks_of if d == 2 else space_blocks_of)(pattern.indptr, pattern.indices, values)
+    definite, factor = factorise(rng.permutation(n).astype(np.uint32), *blocks)
+    b, x = rng.normal(size=(n, d)), np.empty((n, d))
+    solve(factor, b, x, np.empty_like(b))
+    assert definite and np.abs(matrix @ x.ravel() - b.ravel()).max() < 1e-12
 
 
 def test_a_saddle_is_told_from_a_minimum_and_a_symmetry_from_disorder():
