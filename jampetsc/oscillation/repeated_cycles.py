@@ -144,7 +144,7 @@ class Cycles:
     def repeat(self, cycles, accurate=True):
         """Run this number of cycles or, for None, until they repeat or fluctuate.
 
-        accurate   whether cycles that fluctuate continue until the error of their mean is within MEAN_TOLERANCE; else
+        accurate   whether they continue until they repeat or the error of their mean is within MEAN_TOLERANCE; else
                    there are at most MAX_COARSE_CYCLES
 
         Raises ConvergenceError if accurate cycles still have a trend, and as `run_cycle`.
@@ -152,7 +152,7 @@ class Cycles:
         limit = cycles or (MAX_REPEATED_CYCLES if accurate else MAX_COARSE_CYCLES)
         while len(self.finished) < limit:
             self.run_cycle()
-            if cycles is None and (self.repeats or self._fluctuates(accurate)):
+            if cycles is None and (self.repeats or (accurate and self._has_known_mean)):
                 return
         if cycles is None and accurate and self.mean is None:
             raise ConvergenceError(
@@ -178,11 +178,9 @@ class Cycles:
         lost = energy_balance(self.finished[mean.transient :]) * mean.value
         return complex(np.hypot(mean.errors.real, lost.real), np.hypot(mean.errors.imag, lost.imag))
 
-    def _fluctuates(self, accurate) -> bool:
-        mean = self.mean
-        if mean is None or not accurate:
-            return mean is not None
-        return bool(is_accurate(mean.value, self.mean_errors))
+    @property
+    def _has_known_mean(self) -> bool:
+        return self.mean is not None and bool(is_accurate(self.mean.value, self.mean_errors))
 
     @property
     def averaged(self) -> list[CycleResult]:

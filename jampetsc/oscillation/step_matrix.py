@@ -105,9 +105,8 @@ class StepMatrix:
         least = np.linalg.eigvalsh(self._pattern.own_blocks(values, maybe_held))[:, 0]
         rattlers[maybe_held] = least <= self._mu  # those left are not held
         if rattlers[ends[0]].any():  # nothing pushes the others
-            across = (
-                springs(*state.geometry, 0.0, 0.0)[0] - elastic
-            )  # f/r in the D − 1 directions across a bond
+            # f/r in the D − 1 directions across a bond
+            across = springs(*state.geometry, 0.0, 0.0)[0] - elastic
             push = np.trace(across, axis1=1, axis2=2) / (len(pairs.r0) - 1)
             aside = gathered(np.column_stack((push, push)), pairs.i, pairs.j, n)
             stiffness[:, :RATTLER_UNKNOWNS] = np.where(rattlers[:, None], 2.0 * aside, 0.0)

@@ -35,9 +35,8 @@ from jampetsc.packing.strain import Strain
 
 STAGE = 1.0 - np.sqrt(0.5)  # of a step
 WEIGHTS = 1.0 - STAGE, STAGE  # of the ends of the stages, in an integral over a step
-TOLERANCE = (
-    1e-7  # of forces, in units of k times the largest diameter times the strain amplitude, if not given
-)
+# of forces, in units of k times the largest diameter times the strain amplitude, if not given
+TOLERANCE = 1e-7
 ROUNDING_FORCE = 1e-15  # of forces, in units of k times the largest diameter
 # likewise; a residual that stops falling below it, or below TOLERANCE of damping forces, is rounding
 NOISE_FORCE = 1e-14
