@@ -10,9 +10,10 @@ of a cycle is the sum of the errors of its steps.
 
 There are two runs, the first with half of the steps; the second starts where the first ended. Where cycles repeat, the
 difference of the runs estimates the error of the steps, and the changes of the last cycles that of ending after
-finitely many. Where they fluctuate, the first run is part of the transient; the error is the standard error of the
-mean over the cycles of the second and, independent of it, the energy that its steps lose: the root of the sum of their
-squares (see `analysis.cycle_series`).
+finitely many. Where those of the second repeat but those of the first still settled, one more with half of the steps
+takes its place, from where the second ended. Where cycles fluctuate, the first run is part of the transient; the error
+is the standard error of the mean over the cycles of the second and, independent of it, the energy that its steps lose:
+the root of the sum of their squares (see `analysis.cycle_series`).
 """
 
 from dataclasses import dataclass, replace
@@ -56,13 +57,18 @@ def repeat_cycles(
     coarse.repeat(cycles, accurate=False)
     fine = Cycles(coarse.motion.disks, law, coarse.final, steps)
     fine.repeat(cycles)
+    runs, compared = [coarse, fine], coarse
+    if cycles is None and fine.repeats and not coarse.repeats:
+        compared = Cycles(fine.motion.disks, law, fine.final, steps // 2)
+        compared.repeat(None, accurate=False)
+        runs.append(compared)
     averaged = fine.averaged
     harmonics = np.array([cycle.moduli.harmonics for cycle in averaged])
     G, balance = complex(np.mean([cycle.G for cycle in averaged])), energy_balance(averaged)
     if fine.mean is None or fine.repeats:
-        of_steps, rest = G - coarse.finished[-1].G, min(fine.remaining, fine.spread)
+        of_steps, rest = G - compared.finished[-1].G, min(fine.remaining, fine.spread)
         error = abs(of_steps) + rest
-        harmonics_error = abs(harmonics[-1] - coarse.finished[-1].moduli.harmonics)
+        harmonics_error = abs(harmonics[-1] - compared.finished[-1].moduli.harmonics)
         G_error = complex(abs(of_steps.real) + rest, abs(of_steps.imag) + rest)
     else:
         G_error = fine.mean_errors
@@ -83,10 +89,10 @@ def repeat_cycles(
         stress_waveform=stress,
         cycle_change=fine.change,
         drift=averaged[-1].drift,
-        cycles=sum(len(run.finished) for run in (coarse, fine)),
-        steps_taken=sum(run.steps.accepted for run in (coarse, fine)),
-        factorisations=sum(run.motion.matrix.factorisations for run in (coarse, fine)),
-        newton_steps=sum(run.motion.stages.iterations for run in (coarse, fine)),
+        cycles=sum(len(run.finished) for run in runs),
+        steps_taken=sum(run.steps.accepted for run in runs),
+        factorisations=sum(run.motion.matrix.factorisations for run in runs),
+        newton_steps=sum(run.motion.stages.iterations for run in runs),
     )
     return result, fine.final, fine.motion.disks
 
