@@ -70,7 +70,7 @@ def test_tangents_are_derivatives(z, alpha, softening):
 
 @pytest.mark.parametrize("alpha", (0.1, *ALPHAS))
 def test_stiffness_is_the_derivative_where_the_force_is_that_of_the_velocity(z, alpha):
-    law, floor = ContactPowerLaw(alpha, 1.7), 0.1
+    law, floor, z = ContactPowerLaw(alpha, 1.7), 0.1, z.reshape(-1, z.shape[-1])
     f = law.forces(z, floor)
     found = law.stiffness(z, f, floor)
     for axis in range(2):
