@@ -117,8 +117,8 @@ def _stiffness(z, f, coefficient, alpha, floor, by_force):
             force, pull = f[c], min(1.0, secant * np.sqrt(size) / max(np.sqrt(square), MIN_POSITIVE))
         pull *= 0.5 * (alpha - 1.0) / size
         for x in range(components):
-            for y in range(components):
-                blocks[c, x, y] = pull * (force[x] * z[c, y] + force[y] * z[c, x])
+            for y in range(x + 1):
+                blocks[c, x, y] = blocks[c, y, x] = pull * (force[x] * z[c, y] + force[y] * z[c, x])
             blocks[c, x, x] += secant
     return blocks
 
