@@ -27,7 +27,7 @@ from papers.tables import layers, lifetimes
 
 KEPT = Path(__file__).resolve().parent / "kept"
 LEFT_OUT = re.compile(
-    r"(no_prestress/)?(state|snapshots/(positions|velocities|cell|images|spins)|fields/|modes$|contacts|nonaffine|"
+    r"(no_prestress/)?(state|snapshots/(positions|velocities|cell|images|spins)|fields/|modes$|contacts(/|$)|nonaffine|"
     r"rotation|particles|radii|reduced_tensor)"
 )
 MOST = 100_000  # numbers of a dataset
