@@ -28,6 +28,7 @@ SHOWN = {  # figure -> {picture in its folder: name in the gallery}
     "first-changes": {"first-changes": "first-changes"},
     "inertia": {"soft": "inertia"},
     "inertia-start": {"inertia-start": "inertia-start"},
+    "large-oscillations": {"moduli": "large-oscillations", "lissajous": "lissajous"},
     "overdamped-limit": {"overdamped": "overdamped-limit"},
     "paper1": {"densities": "paper1"},
     "paper2": {"paper2": "paper2"},

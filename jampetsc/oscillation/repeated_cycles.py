@@ -10,8 +10,8 @@ of a cycle is the sum of the errors of its steps.
 
 There are two runs, the first with half of the steps; the second starts where the first ended. Where cycles repeat, the
 difference of the runs estimates the error of the steps, and the changes of the last cycles that of ending after
-finitely many. Where those of the second repeat but those of the first still settled, one more with half of the steps
-takes its place, from where the second ended. Where cycles fluctuate, the first run is part of the transient; the error
+finitely many. Where the second repeats but the first still settled, one more with half of the steps takes its place,
+from where the second ended. Where cycles fluctuate, the first run is part of the transient; the error
 is the standard error of the mean over the cycles of the second and, independent of it, the energy that its steps lose:
 the root of the sum of their squares (see `analysis.cycle_series`).
 """
