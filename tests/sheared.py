@@ -74,6 +74,11 @@ def crossed(spins, n):
     return np.cross(spins, n) if spins.ndim == 2 else spins[:, None] * np.column_stack((-n[:, 1], n[:, 0]))
 
 
+def crossed_vectors(n, v):
+    """n × v, (M,) in a plane, else (M, 3)."""
+    return np.cross(n, v) if n.shape[1] == 3 else n[:, 0] * v[:, 1] - n[:, 1] * v[:, 0]
+
+
 def forces(disks, law, rate, u, spin, contacts=None):
     """(elastic (N, D), viscous (N, D), torques as `spin`, viscous virial Σ f r (D, D), dissipation in contacts)."""
     c = find_contacts(disks) if contacts is None else contacts
@@ -89,7 +94,7 @@ def forces(disks, law, rate, u, spin, contacts=None):
     for end, sign in ((c.j, 1.0), (c.i, -1.0)):
         np.add.at(elastic, end, sign * c.force[:, None] * n)
         np.add.at(viscous, end, sign * on_j)
-        np.add.at(torques, end, (unit * law.sliding * disks.radii[end] * np.cross(n, sliding).T).T)
+        np.add.at(torques, end, (unit * law.sliding * disks.radii[end] * crossed_vectors(n, sliding).T).T)
     squares = (
         law.normal * along**2 + law.transverse * np.sum(across**2, 1) + law.sliding * np.sum(sliding**2, 1)
     )

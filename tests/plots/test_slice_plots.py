@@ -8,6 +8,7 @@ import pytest
 from matplotlib.collections import LineCollection
 from picture_contents import circle_radii, figure_of, require_arrows, require_inside
 from samples import stored
+from sheared import crossed_vectors
 from spheres import few_spheres
 
 import jampetsc
@@ -63,7 +64,9 @@ def test_the_parts_of_bonds_in_slabs_at_all_heights_fill_the_cell():
         section = section_of(network, height, radii)
         rows, _, vectors = section.bonds(bonds)
         lengths.append(np.hypot(*vectors.T).sum())
-        np.testing.assert_allclose(np.cross(vectors, bonds.r[rows, :2]), 0, atol=1e-12)  # each along its bond
+        np.testing.assert_allclose(
+            crossed_vectors(vectors, bonds.r[rows, :2]), 0, atol=1e-12
+        )  # each along its bond
     expected = np.hypot(*bonds.r[:, :2].T).sum() * section.thickness / network.cell[2, 2]
     assert np.mean(lengths) == pytest.approx(expected, rel=1e-3)
 
