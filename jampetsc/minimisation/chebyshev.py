@@ -88,18 +88,6 @@ def chebyshev_step(pairs, o, forces, strain, potential, h, table, place, move, o
 
 
 @compiled(FAST)
-def farthest(o, move):
-    """Largest |o + move|, offsets and moves (N, D)."""
-    largest = 0.0
-    for k in range(o.shape[0]):
-        square = 0.0
-        for c in range(o.shape[1]):
-            square += (o[k, c] + move[k, c]) ** 2
-        largest = max(largest, square)
-    return np.sqrt(largest)
-
-
-@compiled(FAST)
 def eigenvalue_bound(pairs, o, strain, potential):
     """A bound on the eigenvalues of the Hessian at offsets o, without pre-stress, which lowers them.
 

@@ -16,19 +16,13 @@ import math
 import numpy as np
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.minimisation.chebyshev import (
-    chebyshev_step,
-    coefficients,
-    eigenvalue_bound,
-    farthest,
-    stages_for,
-)
+from jampetsc.minimisation.chebyshev import chebyshev_step, coefficients, eigenvalue_bound, stages_for
 from jampetsc.minimisation.ldl import solve
 from jampetsc.minimisation.warm_start import factor_of_hessian, is_minimum
 from jampetsc.packing.contacts import typical_force
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.neighbour_list import ListedPacking
-from jampetsc.packing.neighbours import lengths
+from jampetsc.packing.neighbours import lengths, longest
 
 MAX_TIME_STEPS = 20_000
 ERROR_RATIO = 0.1  # of the overlap of a typical contact: largest error of the place of a disk in one step
@@ -47,7 +41,7 @@ class OverdampedDescent(ListedPacking):
 
     def __init__(self, disks, solver, stiffness: float, overlap: float):
         self.solver, self.stiffness = solver, stiffness
-        self.longest = ERROR_RATIO * overlap
+        self.largest_error = ERROR_RATIO * overlap
         self.step, self.time, self.steps, self.evaluations = FIRST_STEP / stiffness, 0.0, 0, 0
         super().__init__(disks, SKIN)
         self._forces, self._later, *self._room = np.zeros((5, *self.offsets.shape))
@@ -92,7 +86,7 @@ class OverdampedDescent(ListedPacking):
         return self._sums.elastic_xx + self._sums.elastic_yy + self._sums.elastic_zz
 
     def _advance(self) -> bool:
-        """One time step with an error of at most `longest`, in which the energy falls; whether there is one."""
+        """One time step with an error of at most `largest_error`, in which the energy falls; whether there is one."""
         growth = MAX_RATIO
         rounding = ENERGY_ROUNDING * self._sums.energy + DISTANCE_ROUNDING * self._virial
         largest = eigenvalue_bound(self.pairs, self.offsets, self.cell_strain, self._potential)
@@ -104,13 +98,13 @@ class OverdampedDescent(ListedPacking):
             else:
                 sums, error, move = self._implicit()
                 order = 1
-            is_stale = self.stale(farthest(self.offsets, move))
+            is_stale = self.stale(longest(self.offsets + move))
             if is_stale and self.offsets.any():  # once more with a new list, as a contact may be missing
                 self.fold()
                 self._sums = self._evaluate(self.offsets, self._forces)
                 continue
-            ratio = SAFETY * (self.longest / max(error, 1e-300)) ** (1.0 / (order + 1))
-            if error <= self.longest and sums.energy <= self._sums.energy + rounding and not is_stale:
+            ratio = SAFETY * (self.largest_error / max(error, 1e-300)) ** (1.0 / (order + 1))
+            if error <= self.largest_error and sums.energy <= self._sums.energy + rounding and not is_stale:
                 self.offsets += move
                 self._sums, self._forces, self._later = sums, self._later, self._forces
                 self.time += self.step
