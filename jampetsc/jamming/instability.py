@@ -19,10 +19,10 @@ def usual_overlap(disks, pressure: float) -> float:
 def pushed_offsets(branch, disks, offsets, shear, pressure, least_force, mode):
     """Offsets (N, D) after a move along a mode (N, D), so far that contacts pull disks on; loose ones make way.
 
-    branch     `ShearBranch` with the contacts after the event
-    disks      as they are listed
-    pressure   at the event
-    least_force    max |F| at which the descent would end
+    branch        `ShearBranch` with the contacts after the event
+    disks         as they are listed
+    pressure      at the event
+    least_force   max |F| at which the descent would end
 
     None where no move is pulled on.
     """

@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from jampetsc.packing.bond import bond_vector, difference, entry, inner, secant, tangent_ratio
+from jampetsc.minimisation.warm_start import springs
 from jampetsc.packing.compiled import FAST, NUMBERS, compiled
 from jampetsc.packing.kernel import bond_forces
 
@@ -93,26 +93,18 @@ def eigenvalue_bound(pairs, o, strain, potential):
 
     By (a − b)² ≤ 2a² + 2b² it is twice the largest norm of Σ k n nᵀ over the contacts of a disk, here by its rows.
     """
-    i, j, r0, sigma = pairs.i, pairs.j, pairs.r0, pairs.sigma
+    stiffnesses, chosen = springs(pairs, o, strain, potential, 0.0, 0.0)
     axes = o.shape[1]
-    blocks = np.zeros((o.shape[0], axes, axes))
-    for p in range(len(i)):
-        a, b = i[p], j[p]
-        r = bond_vector(strain, entry(r0, p), difference(o, a, b, r0))
-        square = inner(r, r)
-        if square < sigma[p] * sigma[p]:
-            d = sigma[p] - np.sqrt(square)
-            k = tangent_ratio(d, sigma[p], potential) * secant(d, sigma[p], potential) / square
-            for first in range(axes):
-                for second in range(axes):
-                    share = k * r[first] * r[second]
-                    blocks[a, first, second] += share
-                    blocks[b, first, second] += share
+    own = np.zeros((o.shape[0], axes, axes))
+    for p in range(len(chosen)):
+        if chosen[p]:
+            own[pairs.i[p]] += stiffnesses[p]
+            own[pairs.j[p]] += stiffnesses[p]
     largest = 0.0
     for disk in range(o.shape[0]):
         for first in range(axes):
             total = 0.0
             for second in range(axes):
-                total += abs(blocks[disk, first, second])
+                total += abs(own[disk, first, second])
             largest = max(largest, total)
     return 2.0 * largest

@@ -72,7 +72,7 @@ class OverdampedDescent(ListedPacking):
             pressure = self._virial / (axes * self.reference.volume)
             if pressure < separated_pressure:
                 return self.disks
-            largest = float(lengths(self._forces).max())
+            largest = longest(self._forces)
             if largest <= tolerance * pressure * cross_section and is_minimum(
                 self.order, self.pairs, self.offsets, 0.0, self._potential, self.stiffness, largest
             ):

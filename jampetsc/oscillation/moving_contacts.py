@@ -216,9 +216,8 @@ class MovingContacts(ListedPacking):
         """See `time_step.StepForces`."""
         forces = np.empty(state.places.shape)
         sums = bond_forces(*state.geometry, forces, None, None)
-        return forces, -float(
-            np.sum(self.flow(state.gamma).gradient * elastic_virial(sums, self.load.dimension))
-        )
+        virial = elastic_virial(sums, self.load.dimension)
+        return forces, -float(np.sum(self.flow(state.gamma).gradient * virial))
 
     def curvature(self, state, x, growth):
         """See `time_step.StepForces`."""

@@ -11,9 +11,9 @@ of a cycle is the sum of the errors of its steps.
 There are two runs, the first with half of the steps; the second starts where the first ended. Where cycles repeat, the
 difference of the runs estimates the error of the steps, and the changes of the last cycles that of ending after
 finitely many. Where the second repeats but the first still settled, one more with half of the steps takes its place,
-from where the second ended. Where cycles fluctuate, the first run is part of the transient; the error
-is the standard error of the mean over the cycles of the second and, independent of it, the energy that its steps lose:
-the root of the sum of their squares (see `analysis.cycle_series`).
+from where the second ended. Where cycles fluctuate, the first run is part of the transient; the error is the standard
+error of the mean over the cycles of the second and, independent of it, the energy that its steps lose: the root of the
+sum of their squares (see `analysis.cycle_series`).
 """
 
 from dataclasses import dataclass, replace
@@ -186,7 +186,8 @@ class Cycles:
 
     @property
     def _has_known_mean(self) -> bool:
-        return self.mean is not None and bool(is_accurate(self.mean.value, self.mean_errors))
+        mean = self.mean
+        return mean is not None and bool(is_accurate(mean.value, self.mean_errors))
 
     @property
     def averaged(self) -> list[CycleResult]:

@@ -58,7 +58,7 @@ class StepMatrix:
         self._border = None
         values = self._pattern.sum(*_sum_blocks(elastic, dashpots.touching, viscous), np.ones(n, bool))
         values[self._pattern.diagonal] += drag + self._mu
-        values[self._pattern.diagonal] += self._unheld(state, elastic, touching, values)
+        values[self._pattern.diagonal] += self._unheld(state, touching, values)
         while True:
             self.factorisations += 1
             pattern = self._pattern.indptr, self._pattern.indices
@@ -91,7 +91,7 @@ class StepMatrix:
         strain = (right[-1] - self._border @ x) / self._schur
         return np.append(x - strain * self._response, strain)
 
-    def _unheld(self, state, elastic, touching, values):
+    def _unheld(self, state, touching, values):
         """Stiffness added to rattlers that nothing holds, (N, dofs), else 0: more than the −f/r that pushes them aside.
 
         A rattler is held if it touches a disk of the backbone and its own block of the matrix is positive definite, as
@@ -105,9 +105,7 @@ class StepMatrix:
         least = np.linalg.eigvalsh(self._pattern.own_blocks(values, maybe_held))[:, 0]
         rattlers[maybe_held] = least <= self._mu  # those left are not held
         if rattlers[ends[0]].any():  # nothing pushes the others
-            # f/r in the D − 1 directions across a bond
-            across = springs(*state.geometry, 0.0, 0.0)[0] - elastic
-            push = np.trace(across, axis1=1, axis2=2) / (len(pairs.r0) - 1)
+            push = state.bonds.force / state.bonds.distance
             aside = gathered(np.column_stack((push, push)), pairs.i, pairs.j, n)
             stiffness[:, :RATTLER_UNKNOWNS] = np.where(rattlers[:, None], 2.0 * aside, 0.0)
         return stiffness
